@@ -1,0 +1,1 @@
+"""Taichi kernels of Step B; the only directory that imports Taichi."""

@@ -1,0 +1,82 @@
+"""Start Taichi once, quietly, in double precision, with every option stated.
+
+The compiler gives a parallel loop at least 512 iterations per thread by default, so that a loop over a
+few tiles would run on one core; the three ``cpu`` options below switch that rule off.
+
+Depends on: taichi.
+"""
+
+import contextlib
+import hashlib
+import io
+import os
+import tempfile
+from pathlib import Path
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
+
+import taichi as ti  # noqa: E402
+
+_started: dict[str, object] = {}
+
+
+def start(threads: int | None = None, debug: bool = False) -> dict[str, object]:
+    """Initialise Taichi for the CPU; idempotent, refuses a different second configuration.
+
+    Parameters
+    ----------
+    threads : worker threads, or None for all cores this process may use
+    debug : check array bounds inside kernels (slow; for tests)
+
+    Returns
+    -------
+    The effective configuration, for the run log.
+
+    Raises
+    ------
+    RuntimeError : Taichi already runs with another configuration.
+    """
+    n_threads = threads or len(os.sched_getaffinity(0))
+    wanted: dict[str, object] = {"threads": n_threads, "debug": debug, "version": version()}
+    if _started:
+        if threads is not None and _started["threads"] != n_threads:
+            raise RuntimeError(f"Taichi runs with {_started}; start a new process for {wanted}")
+        return dict(_started)
+    with contextlib.redirect_stdout(io.StringIO()):
+        ti.init(
+            arch=ti.cpu,
+            default_fp=ti.f64,
+            default_ip=ti.i32,
+            cpu_max_num_threads=n_threads,
+            fast_math=False,
+            debug=debug,
+            offline_cache=True,
+            offline_cache_file_path=str(_cache_folder()),
+            log_level=ti.ERROR,
+            make_cpu_multithreading_loop=False,
+            cpu_block_dim_adaptive=False,
+            default_cpu_block_dim=1,
+        )
+    _started.update(wanted)
+    return dict(_started)
+
+
+def version() -> str:
+    """Taichi's version, as recorded in results."""
+    return ".".join(str(part) for part in ti.__version__)
+
+
+def _cache_folder() -> Path:
+    """Folder of compiled kernels: per user, per version of these sources; temporary if unwritable."""
+    sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+    name = f"taichi-{version()}-{hashlib.sha256(sources).hexdigest()[:12]}"
+    root = os.environ.get("MCSETTLE_CACHE")
+    base = Path(root) if root else Path.home() / ".cache" / "mcsettle"
+    folder = base / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix="mcsettle-taichi-"))

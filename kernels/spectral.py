@@ -1,0 +1,333 @@
+"""The second-order settlement form on tiles of realisations (twin of mcsettle.spectral.growth).
+
+Layout: state fields are [tile, mode, lane] with the realisation in the lane, innermost and contiguous,
+so that plain loops over lanes vectorise. One parallel loop over tiles; a realisation owns its lane and
+nothing is summed across lanes, hence results do not depend on threads, batches or neighbours.
+Accumulate with ``a = a + b``: ``+=`` on a field element is an atomic operation.
+
+Depends on: taichi.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+import taichi as ti
+
+LANES = 64
+N_TILES = 32
+CAPACITY = LANES * N_TILES
+Tables = tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Fields of one band of modes, allocated once and reused for every batch of that size."""
+
+    re: ti.Field
+    im: ti.Field
+    d_re: ti.Field
+    d_im: ti.Field
+    weight: ti.Field
+    active: ti.Field
+    power: ti.Field
+    uniform: ti.Field
+    passages: ti.Field
+
+
+@functools.cache
+def workspace(n_modes: int, n_weights: int) -> Workspace:
+    """Allocate (once per band) the state of CAPACITY realisations: some 32 bytes per mode of each."""
+    state = [ti.field(ti.f64, shape=(N_TILES, n_modes, LANES)) for _ in range(4)]
+    weight = ti.field(ti.f64, shape=(N_TILES, n_weights, LANES))
+    lanes = [ti.field(ti.f64, shape=(N_TILES, LANES)) for _ in range(3)]
+    passages = ti.field(ti.i64, shape=(N_TILES, LANES))
+    return Workspace(*state, weight, *lanes, passages)
+
+
+def evaluate_rates(
+    u: np.ndarray,  # [R, K, 2]
+    weights: np.ndarray,  # [R, E]
+    form: np.ndarray,  # [E, K + P + M, 2]
+    constant: np.ndarray,  # [E]
+    mean: np.ndarray,  # [E, K]
+    tables: Tables,
+    growth: np.ndarray,  # [R, K, 2], written
+    uniform: np.ndarray,  # [R], written
+) -> None:
+    """Run ``rates`` on any number of realisations, CAPACITY at a time."""
+    w = workspace(u.shape[1], len(constant))
+    for first in range(0, len(u), CAPACITY):
+        part = slice(first, min(first + CAPACITY, len(u)))
+        n_real = part.stop - part.start
+        rates(
+            u[part], weights[part], form, constant, mean, *tables,
+            -(-n_real // LANES), n_real, len(constant),
+            w.re, w.im, w.d_re, w.d_im, w.weight, w.uniform, growth[part], uniform[part],
+        )  # fmt: skip
+
+
+class March:
+    """State of up to CAPACITY realisations that are updated passage by passage."""
+
+    def __init__(
+        self, amplitudes: np.ndarray, power_limit: float, tables: Tables, n_groups: int
+    ) -> None:
+        self.n_real, n_modes = amplitudes.shape
+        if self.n_real > CAPACITY:
+            raise ValueError(f"{self.n_real} realisations; at most {CAPACITY} in one batch")
+        self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
+        self.fields = w = workspace(n_modes, n_groups)
+        w.re.from_numpy(self._tiled(amplitudes.real))
+        w.im.from_numpy(self._tiled(amplitudes.imag))
+        start = np.sum(np.abs(amplitudes) ** 2, axis=1, keepdims=True) < power_limit
+        w.active.from_numpy(self._tiled(start.astype(float))[:, 0])
+        w.uniform.fill(0.0)
+        w.passages.fill(0)
+
+    def advance(
+        self,
+        load: np.ndarray,
+        weights: np.ndarray,
+        form: np.ndarray,
+        constant: np.ndarray,
+        mean: np.ndarray,
+    ) -> None:
+        """Apply the updates ``load`` [N] with ``weights`` [N, G] to every active realisation."""
+        w = self.fields
+        burst(
+            load, weights, form, constant, mean, *self.tables, self.power_limit,
+            -(-self.n_real // LANES), self.n_groups,
+            w.re, w.im, w.d_re, w.d_im, w.active, w.power, w.uniform, w.passages,
+        )  # fmt: skip
+
+    def burst_size(self) -> int:
+        """Updates per launch: some tenths of a second, so that progress and Ctrl-C work."""
+        n_tiles = -(-self.n_real // LANES)
+        return max(64, int(4e8 / (n_tiles * LANES * 40 * len(self.tables[0]))))
+
+    def amplitudes(self) -> np.ndarray:
+        """Complex amplitudes [R, K], m."""
+        return self._rows(self.fields.re) + 1j * self._rows(self.fields.im)
+
+    def is_active(self) -> np.ndarray:
+        """[R] realisations below the limit."""
+        return self._lanes(self.fields.active) > 0.5
+
+    def any_active(self) -> bool:
+        """Whether any realisation is still below the limit."""
+        return bool(self.is_active().any())
+
+    def updates(self) -> np.ndarray:
+        """[R] updates applied to each realisation."""
+        return self._lanes(self.fields.passages)
+
+    def uniform(self) -> np.ndarray:
+        """[R] uniform settlement, m."""
+        return self._lanes(self.fields.uniform)
+
+    def _tiled(self, rows: np.ndarray) -> np.ndarray:
+        """[R, C] to [N_TILES, C, LANES], zero where there is no realisation."""
+        full = np.zeros((CAPACITY, rows.shape[1]))
+        full[: self.n_real] = rows
+        return np.ascontiguousarray(full.reshape(N_TILES, LANES, -1).transpose(0, 2, 1))
+
+    def _rows(self, field: ti.Field) -> np.ndarray:
+        values = field.to_numpy().transpose(0, 2, 1).reshape(CAPACITY, -1)
+        return np.ascontiguousarray(values[: self.n_real])
+
+    def _lanes(self, field: ti.Field) -> np.ndarray:
+        return field.to_numpy().reshape(-1)[: self.n_real]
+
+
+@ti.kernel
+def rates(
+    u: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, K, 2] amplitudes
+    w: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [R, E] weights of the forms
+    form: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [E, K + P + M, 2]
+    constant: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [E]
+    mean: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [E, K]
+    sums: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [P, 2]
+    sum_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
+    diffs: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [M, 2]
+    diff_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
+    n_tiles: ti.i32,
+    n_real: ti.i32,
+    n_forms: ti.template(),
+    re: ti.template(),
+    im: ti.template(),
+    d_re: ti.template(),
+    d_im: ti.template(),
+    weight: ti.template(),
+    uniform: ti.template(),
+    out: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, K, 2] growth of the amplitudes
+    out_uniform: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [R] uniform settlement
+):
+    """Growth of every realisation with its own weights: out = Σ_e w[r, e] form_e(u[r])."""
+    n_modes = sum_start.shape[0] - 1
+    n_sums = sums.shape[0]
+    for t in range(n_tiles):
+        first = t * LANES
+        for k in range(n_modes):
+            for l in range(LANES):
+                r = ti.min(first + l, n_real - 1)
+                re[t, k, l] = u[r, k, 0]
+                im[t, k, l] = u[r, k, 1]
+        for e in range(n_forms):
+            for l in range(LANES):
+                weight[t, e, l] = w[ti.min(first + l, n_real - 1), e]
+        for l in range(LANES):
+            uniform[t, l] = 0.0
+        for e in range(n_forms):
+            c0 = constant[e]
+            for l in range(LANES):
+                uniform[t, l] = uniform[t, l] + weight[t, e, l] * c0
+        for n in range(n_modes):
+            a = ti.Vector([form[e, n, 0] for e in ti.static(range(n_forms))])
+            b = ti.Vector([form[e, n, 1] for e in ti.static(range(n_forms))])
+            g = ti.Vector([mean[e, n] for e in ti.static(range(n_forms))])
+            for l in range(LANES):
+                ca = 0.0
+                cb = 0.0
+                cg = 0.0
+                for e in ti.static(range(n_forms)):
+                    ca = ca + weight[t, e, l] * a[e]
+                    cb = cb + weight[t, e, l] * b[e]
+                    cg = cg + weight[t, e, l] * g[e]
+                x = re[t, n, l]
+                y = im[t, n, l]
+                d_re[t, n, l] = ca * x - cb * y
+                d_im[t, n, l] = ca * y + cb * x
+                uniform[t, l] = uniform[t, l] + cg * (x * x + y * y)
+            for p in range(sum_start[n], sum_start[n + 1]):
+                i = sums[p, 0]
+                j = sums[p, 1]
+                a = ti.Vector([form[e, n_modes + p, 0] for e in ti.static(range(n_forms))])
+                b = ti.Vector([form[e, n_modes + p, 1] for e in ti.static(range(n_forms))])
+                for l in range(LANES):
+                    ca = 0.0
+                    cb = 0.0
+                    for e in ti.static(range(n_forms)):
+                        ca = ca + weight[t, e, l] * a[e]
+                        cb = cb + weight[t, e, l] * b[e]
+                    xr = re[t, i, l] * re[t, j, l] - im[t, i, l] * im[t, j, l]
+                    xi = re[t, i, l] * im[t, j, l] + im[t, i, l] * re[t, j, l]
+                    d_re[t, n, l] = d_re[t, n, l] + (ca * xr - cb * xi)
+                    d_im[t, n, l] = d_im[t, n, l] + (ca * xi + cb * xr)
+            for p in range(diff_start[n], diff_start[n + 1]):
+                i = diffs[p, 0]
+                j = diffs[p, 1]
+                a = ti.Vector([form[e, n_modes + n_sums + p, 0] for e in ti.static(range(n_forms))])
+                b = ti.Vector([form[e, n_modes + n_sums + p, 1] for e in ti.static(range(n_forms))])
+                for l in range(LANES):
+                    ca = 0.0
+                    cb = 0.0
+                    for e in ti.static(range(n_forms)):
+                        ca = ca + weight[t, e, l] * a[e]
+                        cb = cb + weight[t, e, l] * b[e]
+                    xr = re[t, i, l] * re[t, j, l] + im[t, i, l] * im[t, j, l]
+                    xi = im[t, i, l] * re[t, j, l] - re[t, i, l] * im[t, j, l]
+                    d_re[t, n, l] = d_re[t, n, l] + (ca * xr - cb * xi)
+                    d_im[t, n, l] = d_im[t, n, l] + (ca * xi + cb * xr)
+        for l in range(LANES):
+            r = first + l
+            if r < n_real:
+                out_uniform[r] = uniform[t, l]
+                for k in range(n_modes):
+                    out[r, k, 0] = d_re[t, k, l]
+                    out[r, k, 1] = d_im[t, k, l]
+
+
+@ti.kernel
+def burst(
+    axle: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] form of each passage, in order
+    weight: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [N, G] growth of the cycle functions
+    form: ti.types.ndarray(dtype=ti.f64, ndim=4),  # [A, G, K + P + M, 2]
+    constant: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [A, G]
+    mean: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [A, G, K]
+    sums: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [P, 2]
+    sum_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
+    diffs: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [M, 2]
+    diff_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
+    power_limit: ti.f64,  # 2 sd_limit²
+    n_tiles: ti.i32,
+    n_groups: ti.template(),
+    re: ti.template(),
+    im: ti.template(),
+    d_re: ti.template(),
+    d_im: ti.template(),
+    active: ti.template(),
+    power: ti.template(),
+    uniform: ti.template(),
+    passages: ti.template(),
+):
+    """Advance every active realisation by the given passages, one update each.
+
+    A realisation whose Σ|U|² reaches ``power_limit`` stops there: ``active`` falls to 0 and
+    ``passages`` keeps the count.
+    """
+    n_modes = sum_start.shape[0] - 1
+    n_sums = sums.shape[0]
+    for t in range(n_tiles):
+        for step in range(axle.shape[0]):
+            a = axle[step]
+            w = ti.Vector([weight[step, g] for g in ti.static(range(n_groups))])
+            c0 = 0.0
+            for g in ti.static(range(n_groups)):
+                c0 = c0 + w[g] * constant[a, g]
+            for l in range(LANES):
+                uniform[t, l] = uniform[t, l] + active[t, l] * c0
+            for n in range(n_modes):
+                ca = 0.0
+                cb = 0.0
+                cg = 0.0
+                for g in ti.static(range(n_groups)):
+                    ca = ca + w[g] * form[a, g, n, 0]
+                    cb = cb + w[g] * form[a, g, n, 1]
+                    cg = cg + w[g] * mean[a, g, n]
+                for l in range(LANES):
+                    x = re[t, n, l]
+                    y = im[t, n, l]
+                    d_re[t, n, l] = ca * x - cb * y
+                    d_im[t, n, l] = ca * y + cb * x
+                    uniform[t, l] = uniform[t, l] + active[t, l] * cg * (x * x + y * y)
+                for p in range(sum_start[n], sum_start[n + 1]):
+                    i = sums[p, 0]
+                    j = sums[p, 1]
+                    pa = 0.0
+                    pb = 0.0
+                    for g in ti.static(range(n_groups)):
+                        pa = pa + w[g] * form[a, g, n_modes + p, 0]
+                        pb = pb + w[g] * form[a, g, n_modes + p, 1]
+                    for l in range(LANES):
+                        xr = re[t, i, l] * re[t, j, l] - im[t, i, l] * im[t, j, l]
+                        xi = re[t, i, l] * im[t, j, l] + im[t, i, l] * re[t, j, l]
+                        d_re[t, n, l] = d_re[t, n, l] + (pa * xr - pb * xi)
+                        d_im[t, n, l] = d_im[t, n, l] + (pa * xi + pb * xr)
+                for p in range(diff_start[n], diff_start[n + 1]):
+                    i = diffs[p, 0]
+                    j = diffs[p, 1]
+                    qa = 0.0
+                    qb = 0.0
+                    for g in ti.static(range(n_groups)):
+                        qa = qa + w[g] * form[a, g, n_modes + n_sums + p, 0]
+                        qb = qb + w[g] * form[a, g, n_modes + n_sums + p, 1]
+                    for l in range(LANES):
+                        xr = re[t, i, l] * re[t, j, l] + im[t, i, l] * im[t, j, l]
+                        xi = im[t, i, l] * re[t, j, l] - re[t, i, l] * im[t, j, l]
+                        d_re[t, n, l] = d_re[t, n, l] + (qa * xr - qb * xi)
+                        d_im[t, n, l] = d_im[t, n, l] + (qa * xi + qb * xr)
+            for l in range(LANES):
+                power[t, l] = 0.0
+            for n in range(n_modes):
+                for l in range(LANES):
+                    x = re[t, n, l] + active[t, l] * d_re[t, n, l]
+                    y = im[t, n, l] + active[t, l] * d_im[t, n, l]
+                    re[t, n, l] = x
+                    im[t, n, l] = y
+                    power[t, l] = power[t, l] + (x * x + y * y)
+            for l in range(LANES):
+                if active[t, l] > 0.5:
+                    passages[t, l] = passages[t, l] + 1
+                    if power[t, l] >= power_limit:
+                        active[t, l] = 0.0
