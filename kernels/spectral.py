@@ -5,6 +5,11 @@ so that plain loops over lanes vectorise. One parallel loop over tiles; a realis
 nothing is summed across lanes, hence results do not depend on threads, batches or neighbours.
 Accumulate with ``a = a + b``: ``+=`` on a field element is an atomic operation.
 
+Vectorisation. The compiler fetches the address of the fields' memory where a field is first used. Inside
+a lane loop it would be fetched again after every store and nothing would vectorise (measured: three
+times slower), so each tile begins with a use of a field outside all lane loops. Real and imaginary parts
+share one field, at a constant distance: fewer overlaps to rule out at run time.
+
 Depends on: taichi.
 """
 
@@ -24,10 +29,8 @@ Tables = tuple[np.ndarray, ...]
 class Workspace:
     """Fields of one band of modes, allocated once and reused for every batch of that size."""
 
-    re: ti.Field
-    im: ti.Field
-    d_re: ti.Field
-    d_im: ti.Field
+    u: ti.Field
+    du: ti.Field
     weight: ti.Field
     active: ti.Field
     power: ti.Field
@@ -38,7 +41,7 @@ class Workspace:
 @functools.cache
 def workspace(n_modes: int, n_weights: int) -> Workspace:
     """Allocate (once per band) the state of CAPACITY realisations: some 32 bytes per mode of each."""
-    state = [ti.field(ti.f64, shape=(N_TILES, n_modes, LANES)) for _ in range(4)]
+    state = [ti.field(ti.f64, shape=(N_TILES, n_modes, 2, LANES)) for _ in range(2)]
     weight = ti.field(ti.f64, shape=(N_TILES, n_weights, LANES))
     lanes = [ti.field(ti.f64, shape=(N_TILES, LANES)) for _ in range(3)]
     passages = ti.field(ti.i64, shape=(N_TILES, LANES))
@@ -63,7 +66,7 @@ def evaluate_rates(
         rates(
             u[part], weights[part], form, constant, mean, *tables,
             -(-n_real // LANES), n_real, len(constant),
-            w.re, w.im, w.d_re, w.d_im, w.weight, w.uniform, growth[part], uniform[part],
+            w.u, w.du, w.weight, w.uniform, growth[part], uniform[part],
         )  # fmt: skip
 
 
@@ -78,10 +81,9 @@ class March:
             raise ValueError(f"{self.n_real} realisations; at most {CAPACITY} in one batch")
         self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
         self.fields = w = workspace(n_modes, n_groups)
-        w.re.from_numpy(self._tiled(amplitudes.real))
-        w.im.from_numpy(self._tiled(amplitudes.imag))
+        w.u.from_numpy(self._tiled(np.stack([amplitudes.real, amplitudes.imag], axis=-1)))
         start = np.sum(np.abs(amplitudes) ** 2, axis=1, keepdims=True) < power_limit
-        w.active.from_numpy(self._tiled(start.astype(float))[:, 0])
+        w.active.from_numpy(self._tiled(start.astype(float)[:, 0]))
         w.uniform.fill(0.0)
         w.passages.fill(0)
 
@@ -98,7 +100,7 @@ class March:
         burst(
             load, weights, form, constant, mean, *self.tables, self.power_limit,
             -(-self.n_real // LANES), self.n_groups,
-            w.re, w.im, w.d_re, w.d_im, w.active, w.power, w.uniform, w.passages,
+            w.u, w.du, w.active, w.power, w.uniform, w.passages,
         )  # fmt: skip
 
     def burst_size(self) -> int:
@@ -108,7 +110,9 @@ class March:
 
     def amplitudes(self) -> np.ndarray:
         """Complex amplitudes [R, K], m."""
-        return self._rows(self.fields.re) + 1j * self._rows(self.fields.im)
+        values = np.moveaxis(self.fields.u.to_numpy(), -1, 1)
+        values = values.reshape(CAPACITY, -1, 2)[: self.n_real]
+        return np.ascontiguousarray(values).view(complex)[..., 0]
 
     def is_active(self) -> np.ndarray:
         """[R] realisations below the limit."""
@@ -127,14 +131,11 @@ class March:
         return self._lanes(self.fields.uniform)
 
     def _tiled(self, rows: np.ndarray) -> np.ndarray:
-        """[R, C] to [N_TILES, C, LANES], zero where there is no realisation."""
-        full = np.zeros((CAPACITY, rows.shape[1]))
+        """[R, …] to [N_TILES, …, LANES], zero where there is no realisation."""
+        full = np.zeros((CAPACITY, *rows.shape[1:]))
         full[: self.n_real] = rows
-        return np.ascontiguousarray(full.reshape(N_TILES, LANES, -1).transpose(0, 2, 1))
-
-    def _rows(self, field: ti.Field) -> np.ndarray:
-        values = field.to_numpy().transpose(0, 2, 1).reshape(CAPACITY, -1)
-        return np.ascontiguousarray(values[: self.n_real])
+        tiles = full.reshape(N_TILES, LANES, *rows.shape[1:])
+        return np.ascontiguousarray(np.moveaxis(tiles, 1, -1))
 
     def _lanes(self, field: ti.Field) -> np.ndarray:
         return field.to_numpy().reshape(-1)[: self.n_real]
@@ -154,10 +155,8 @@ def rates(
     n_tiles: ti.i32,
     n_real: ti.i32,
     n_forms: ti.template(),
-    re: ti.template(),
-    im: ti.template(),
-    d_re: ti.template(),
-    d_im: ti.template(),
+    s: ti.template(),
+    d: ti.template(),
     weight: ti.template(),
     uniform: ti.template(),
     out: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, K, 2] growth of the amplitudes
@@ -168,11 +167,12 @@ def rates(
     n_sums = sums.shape[0]
     for t in range(n_tiles):
         first = t * LANES
+        d[t, 0, 0, 0] = s[t, 0, 0, 0]  # see the module's note on vectorisation
         for k in range(n_modes):
             for l in range(LANES):
                 r = ti.min(first + l, n_real - 1)
-                re[t, k, l] = u[r, k, 0]
-                im[t, k, l] = u[r, k, 1]
+                s[t, k, 0, l] = u[r, k, 0]
+                s[t, k, 1, l] = u[r, k, 1]
         for e in range(n_forms):
             for l in range(LANES):
                 weight[t, e, l] = w[ti.min(first + l, n_real - 1), e]
@@ -194,10 +194,10 @@ def rates(
                     ca = ca + weight[t, e, l] * a[e]
                     cb = cb + weight[t, e, l] * b[e]
                     cg = cg + weight[t, e, l] * g[e]
-                x = re[t, n, l]
-                y = im[t, n, l]
-                d_re[t, n, l] = ca * x - cb * y
-                d_im[t, n, l] = ca * y + cb * x
+                x = s[t, n, 0, l]
+                y = s[t, n, 1, l]
+                d[t, n, 0, l] = ca * x - cb * y
+                d[t, n, 1, l] = ca * y + cb * x
                 uniform[t, l] = uniform[t, l] + cg * (x * x + y * y)
             for p in range(sum_start[n], sum_start[n + 1]):
                 i = sums[p, 0]
@@ -210,10 +210,10 @@ def rates(
                     for e in ti.static(range(n_forms)):
                         ca = ca + weight[t, e, l] * a[e]
                         cb = cb + weight[t, e, l] * b[e]
-                    xr = re[t, i, l] * re[t, j, l] - im[t, i, l] * im[t, j, l]
-                    xi = re[t, i, l] * im[t, j, l] + im[t, i, l] * re[t, j, l]
-                    d_re[t, n, l] = d_re[t, n, l] + (ca * xr - cb * xi)
-                    d_im[t, n, l] = d_im[t, n, l] + (ca * xi + cb * xr)
+                    xr = s[t, i, 0, l] * s[t, j, 0, l] - s[t, i, 1, l] * s[t, j, 1, l]
+                    xi = s[t, i, 0, l] * s[t, j, 1, l] + s[t, i, 1, l] * s[t, j, 0, l]
+                    d[t, n, 0, l] = d[t, n, 0, l] + (ca * xr - cb * xi)
+                    d[t, n, 1, l] = d[t, n, 1, l] + (ca * xi + cb * xr)
             for p in range(diff_start[n], diff_start[n + 1]):
                 i = diffs[p, 0]
                 j = diffs[p, 1]
@@ -225,17 +225,17 @@ def rates(
                     for e in ti.static(range(n_forms)):
                         ca = ca + weight[t, e, l] * a[e]
                         cb = cb + weight[t, e, l] * b[e]
-                    xr = re[t, i, l] * re[t, j, l] + im[t, i, l] * im[t, j, l]
-                    xi = im[t, i, l] * re[t, j, l] - re[t, i, l] * im[t, j, l]
-                    d_re[t, n, l] = d_re[t, n, l] + (ca * xr - cb * xi)
-                    d_im[t, n, l] = d_im[t, n, l] + (ca * xi + cb * xr)
+                    xr = s[t, i, 0, l] * s[t, j, 0, l] + s[t, i, 1, l] * s[t, j, 1, l]
+                    xi = s[t, i, 1, l] * s[t, j, 0, l] - s[t, i, 0, l] * s[t, j, 1, l]
+                    d[t, n, 0, l] = d[t, n, 0, l] + (ca * xr - cb * xi)
+                    d[t, n, 1, l] = d[t, n, 1, l] + (ca * xi + cb * xr)
         for l in range(LANES):
             r = first + l
             if r < n_real:
                 out_uniform[r] = uniform[t, l]
                 for k in range(n_modes):
-                    out[r, k, 0] = d_re[t, k, l]
-                    out[r, k, 1] = d_im[t, k, l]
+                    out[r, k, 0] = d[t, k, 0, l]
+                    out[r, k, 1] = d[t, k, 1, l]
 
 
 @ti.kernel
@@ -252,10 +252,8 @@ def burst(
     power_limit: ti.f64,  # 2 sd_limit²
     n_tiles: ti.i32,
     n_groups: ti.template(),
-    re: ti.template(),
-    im: ti.template(),
-    d_re: ti.template(),
-    d_im: ti.template(),
+    s: ti.template(),
+    d: ti.template(),
     active: ti.template(),
     power: ti.template(),
     uniform: ti.template(),
@@ -269,6 +267,7 @@ def burst(
     n_modes = sum_start.shape[0] - 1
     n_sums = sums.shape[0]
     for t in range(n_tiles):
+        d[t, 0, 0, 0] = s[t, 0, 0, 0]  # see the module's note on vectorisation
         for step in range(axle.shape[0]):
             a = axle[step]
             w = ti.Vector([weight[step, g] for g in ti.static(range(n_groups))])
@@ -286,10 +285,10 @@ def burst(
                     cb = cb + w[g] * form[a, g, n, 1]
                     cg = cg + w[g] * mean[a, g, n]
                 for l in range(LANES):
-                    x = re[t, n, l]
-                    y = im[t, n, l]
-                    d_re[t, n, l] = ca * x - cb * y
-                    d_im[t, n, l] = ca * y + cb * x
+                    x = s[t, n, 0, l]
+                    y = s[t, n, 1, l]
+                    d[t, n, 0, l] = ca * x - cb * y
+                    d[t, n, 1, l] = ca * y + cb * x
                     uniform[t, l] = uniform[t, l] + active[t, l] * cg * (x * x + y * y)
                 for p in range(sum_start[n], sum_start[n + 1]):
                     i = sums[p, 0]
@@ -300,10 +299,10 @@ def burst(
                         pa = pa + w[g] * form[a, g, n_modes + p, 0]
                         pb = pb + w[g] * form[a, g, n_modes + p, 1]
                     for l in range(LANES):
-                        xr = re[t, i, l] * re[t, j, l] - im[t, i, l] * im[t, j, l]
-                        xi = re[t, i, l] * im[t, j, l] + im[t, i, l] * re[t, j, l]
-                        d_re[t, n, l] = d_re[t, n, l] + (pa * xr - pb * xi)
-                        d_im[t, n, l] = d_im[t, n, l] + (pa * xi + pb * xr)
+                        xr = s[t, i, 0, l] * s[t, j, 0, l] - s[t, i, 1, l] * s[t, j, 1, l]
+                        xi = s[t, i, 0, l] * s[t, j, 1, l] + s[t, i, 1, l] * s[t, j, 0, l]
+                        d[t, n, 0, l] = d[t, n, 0, l] + (pa * xr - pb * xi)
+                        d[t, n, 1, l] = d[t, n, 1, l] + (pa * xi + pb * xr)
                 for p in range(diff_start[n], diff_start[n + 1]):
                     i = diffs[p, 0]
                     j = diffs[p, 1]
@@ -313,18 +312,18 @@ def burst(
                         qa = qa + w[g] * form[a, g, n_modes + n_sums + p, 0]
                         qb = qb + w[g] * form[a, g, n_modes + n_sums + p, 1]
                     for l in range(LANES):
-                        xr = re[t, i, l] * re[t, j, l] + im[t, i, l] * im[t, j, l]
-                        xi = im[t, i, l] * re[t, j, l] - re[t, i, l] * im[t, j, l]
-                        d_re[t, n, l] = d_re[t, n, l] + (qa * xr - qb * xi)
-                        d_im[t, n, l] = d_im[t, n, l] + (qa * xi + qb * xr)
+                        xr = s[t, i, 0, l] * s[t, j, 0, l] + s[t, i, 1, l] * s[t, j, 1, l]
+                        xi = s[t, i, 1, l] * s[t, j, 0, l] - s[t, i, 0, l] * s[t, j, 1, l]
+                        d[t, n, 0, l] = d[t, n, 0, l] + (qa * xr - qb * xi)
+                        d[t, n, 1, l] = d[t, n, 1, l] + (qa * xi + qb * xr)
             for l in range(LANES):
                 power[t, l] = 0.0
             for n in range(n_modes):
                 for l in range(LANES):
-                    x = re[t, n, l] + active[t, l] * d_re[t, n, l]
-                    y = im[t, n, l] + active[t, l] * d_im[t, n, l]
-                    re[t, n, l] = x
-                    im[t, n, l] = y
+                    x = s[t, n, 0, l] + active[t, l] * d[t, n, 0, l]
+                    y = s[t, n, 1, l] + active[t, l] * d[t, n, 1, l]
+                    s[t, n, 0, l] = x
+                    s[t, n, 1, l] = y
                     power[t, l] = power[t, l] + (x * x + y * y)
             for l in range(LANES):
                 if active[t, l] > 0.5:

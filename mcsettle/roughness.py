@@ -1,17 +1,17 @@
 """Standard deviation of the profile as a squared length of a linear map, for every window.
 
-On a window shorter than two sections the SD is taken over the whole window, SD² = ½ Σ|U_k|²
-(Parseval). On a longer window it is the SD over the first section (200 m by default) of the track,
-mean removed: the section that will be tamped, embedded in a longer track.
+The engine's form of ``irregularity.standard_deviation``: over the whole window SD² = ½ Σ|U_k|²
+(Parseval); in windows of 400 m and more the SD of the first 200 m about their mean, the section that
+will be tamped embedded in a longer track.
 
-Depends on: nothing of the package.
+Depends on: irregularity.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-SECTION = 200.0  # m, the length over which track quality is judged
+from mcsettle.irregularity import default_section, section_points
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class Roughness:
         return np.sqrt(np.sum(self.embed(amplitudes) ** 2, axis=-1))
 
 
-def roughness(wavenumbers: np.ndarray, window: float, section: float = SECTION) -> Roughness:
+def roughness(wavenumbers: np.ndarray, window: float) -> Roughness:
     """SD of a profile with modes ``wavenumbers`` [K] on a periodic window [m]."""
-    if window < 2.0 * section:
+    section = default_section(window)
+    if section is None:
         return Roughness(None)
-    n_points = int(np.ceil(section * wavenumbers.max() / np.pi * 1.25))
-    x = (np.arange(n_points) + 0.5) / n_points * section
+    x, weights = section_points(wavenumbers, section)
     phase = np.outer(wavenumbers, x)
-    waves = np.stack([np.cos(phase), -np.sin(phase)], axis=1).reshape(-1, n_points)
-    return Roughness((waves - waves.mean(axis=1, keepdims=True)) / np.sqrt(n_points))
+    waves = np.stack([np.cos(phase), -np.sin(phase)], axis=1).reshape(-1, len(x))
+    return Roughness((waves - (waves @ weights)[:, None]) * np.sqrt(weights))

@@ -14,7 +14,7 @@ Weighted by strain scale and thickness these coefficients add up over depths and
 remains and nothing aliases. ``SettlementForm`` holds them for one axle or a whole train, one group per
 settling layer because each law has its own dependence on the cycles N.
 
-Depends on: settlement, stress, transfer.
+Depends on: settlement, stress, transfer, mcsettle.kernels.
 """
 
 from dataclasses import dataclass
@@ -95,10 +95,14 @@ def axle_form(
 
 
 def train_form(
-    transfer: TransferFunctions, model: SettlementModel, pairs: ModePairs
+    transfer: TransferFunctions,
+    model: SettlementModel,
+    pairs: ModePairs,
+    axles: np.ndarray | None = None,
 ) -> SettlementForm:
-    """Form of a whole train at a frozen profile: the sum over its axles."""
-    forms = (axle_form(transfer, j, model, pairs) for j in range(len(transfer.quasi_static)))
+    """Form of a whole train (or of some of its ``axles``) at a frozen profile: the sum over axles."""
+    which = np.arange(len(transfer.quasi_static)) if axles is None else axles
+    forms = (axle_form(transfer, int(j), model, pairs) for j in which)
     total = next(forms)
     for form in forms:
         total = SettlementForm(*(a + b for a, b in zip(_arrays(total), _arrays(form), strict=True)))
@@ -131,6 +135,37 @@ def growth(
     change += _sum_slices((weights @ form.differences) * conjugates, pairs.difference_start)
     uniform = weights @ form.constant + np.einsum("rk,rk->r", weights @ form.mean, np.abs(u) ** 2)
     return change, uniform
+
+
+def fast_growth(
+    form: SettlementForm,
+    packed: np.ndarray,
+    amplitudes: np.ndarray,
+    weights: np.ndarray,
+    pairs: ModePairs,
+) -> tuple[np.ndarray, np.ndarray]:
+    """``growth`` by the Taichi kernel; ``packed`` is ``form.packed()``."""
+    from mcsettle.kernels import runtime, spectral
+
+    runtime.start()
+    n, n_modes = amplitudes.shape
+    u = np.ascontiguousarray(amplitudes).view(float).reshape(n, n_modes, 2)
+    change, uniform = np.empty_like(u), np.empty(n)
+    w = np.ascontiguousarray(weights, dtype=float)
+    spectral.evaluate_rates(
+        u, w, packed, form.constant, form.mean, tables(pairs), change, uniform
+    )
+    return change.view(complex)[..., 0], uniform
+
+
+def stacked(forms: list[SettlementForm]) -> SettlementForm:
+    """Forms side by side: groups of the first, then of the second, …"""
+    return SettlementForm(*(np.concatenate(c) for c in zip(*map(_arrays, forms), strict=True)))
+
+
+def tables(pairs: ModePairs) -> tuple[np.ndarray, ...]:
+    """The index tables in the order of the kernels' arguments."""
+    return (pairs.sums, pairs.sum_start, pairs.differences, pairs.difference_start)
 
 
 def _layer_form(

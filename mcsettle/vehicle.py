@@ -159,7 +159,8 @@ def vehicle_compliance(vehicle: Vehicle, omega: float) -> ComplexArray:
 
     Returns
     -------
-    Shape [4, 4] [m/N]: displacement of a wheelset (down) for a force down on another, leading first.
+    Shape [4, 4] [m/N]: displacement of one wheelset for a force on another, both down, leading
+    wheelset first.
 
     Raises
     ------

@@ -1,0 +1,61 @@
+# `make study` and `make test` need git, make and Python 3.11, 3.12 or 3.13 only.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV ?= .venv
+RESULTS ?= results
+BIN := $(VENV)/bin
+# One BLAS thread a process: the work is parallel elsewhere, and results must not depend on it.
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help env study test test-slow check lint types format paper bench clean
+
+help:
+	@echo "make study      run studies/linespeed.toml: results, summary and picture in $(RESULTS)/linespeed"
+	@echo "make test       the tests (minutes)        make test-slow  the long ones too"
+	@echo "make check      lint, types and tests: what CI runs"
+	@echo "make paper      both studies of the paper  make bench      realisations a second"
+	@echo "make env        the environment only       make clean      forget everything built"
+
+env: $(VENV)/.installed
+
+$(VENV)/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	touch $@
+
+study: env
+	$(BIN)/mcsettle run studies/linespeed.toml --out $(RESULTS)/linespeed
+	$(BIN)/mcsettle summarise $(RESULTS)/linespeed --picture $(RESULTS)/linespeed/linespeed.png
+
+paper: study
+	$(BIN)/mcsettle run studies/traffic.toml --out $(RESULTS)/traffic
+	$(BIN)/mcsettle summarise $(RESULTS)/traffic --picture $(RESULTS)/traffic/traffic.png
+
+test: env
+	$(BIN)/pytest -m "not slow and not browser"
+
+test-slow: env
+	$(BIN)/pytest -m "not browser"
+
+check: lint types test
+
+lint: env
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: env
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+# The checker reads the tree as it is installed: kernels/ and cli/ inside the package.
+types: env
+	rm -rf build/types && mkdir -p build/types
+	cp -r mcsettle build/types/mcsettle
+	cp -r cli build/types/mcsettle/cli
+	cp -r kernels build/types/mcsettle/kernels
+	cd build/types && "$(abspath $(BIN))/mypy" --config-file ../../pyproject.toml -p mcsettle
+
+bench: env
+	$(BIN)/python studies/benchmark.py
+
+clean:
+	rm -rf build dist $(VENV) *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,299 @@
+"""What a change of speed or tonnage costs: present value, elasticity, marginal cost, Eqs. (4)–(9).
+
+Intervals are in years of 365 days, money in GBP per track-km. A change of traffic during the first
+tamping interval brings every later tamping forward by the same time; the marginal cost is the
+derivative of the present value with respect to the first interval, the later ones held, times the
+change of that interval by Eq. (7). An elasticity keeps its sign: more traffic that shortens the
+interval has a negative elasticity and a positive marginal cost.
+
+If settlement depends on the number of passages alone (more of the same trains) the interval times
+the tonnage is constant, and the elasticity is −1/(1 + Δq/q) whatever the track: an identity.
+
+Depends on: errors, units.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mcsettle.errors import InputError
+from mcsettle.units import DAYS_PER_YEAR
+
+Number = float | np.ndarray
+
+SPEED_UNIT = "GBP per km/h per 1000 train-km"
+TONNAGE_UNIT = "GBP per 1000 tonne-km"
+
+
+def perpetual_present_value(
+    tamping_cost: Number, discount_rate: Number, interval: Number
+) -> np.ndarray:
+    """Present value of tamping now and at constant intervals for ever, Eq. (4).
+
+    Parameters
+    ----------
+    tamping_cost : float or ndarray, GBP/track-km
+    discount_rate : float or ndarray, 1/year, positive
+    interval : float or ndarray, years
+
+    Returns
+    -------
+    ndarray, GBP/track-km.
+
+    Examples
+    --------
+    >>> float(perpetual_present_value(5625.0, 0.035, 2.0).round(2))
+    83202.45
+    """
+    rate_years = np.asarray(discount_rate, dtype=float) * interval
+    return np.asarray(tamping_cost / -np.expm1(-rate_years))
+
+
+def present_value(
+    tamping_cost: Number,
+    discount_rate: Number,
+    first_interval: Number,
+    later_interval: Number,
+    observed: Number = 0.0,
+) -> np.ndarray:
+    """Present value at time ``observed``, before the first tamping, of all tamping, Eq. (5).
+
+    Parameters
+    ----------
+    tamping_cost : float or ndarray, GBP/track-km
+    discount_rate : float or ndarray, 1/year, positive
+    first_interval, later_interval : float or ndarray, years
+        T, the time of the first tamping, and the constant interval after it.
+    observed : float or ndarray, years
+        t̃, before the first tamping.
+
+    Returns
+    -------
+    ndarray, GBP/track-km.
+    """
+    wait = np.asarray(first_interval, dtype=float) - observed
+    perpetual = perpetual_present_value(tamping_cost, discount_rate, later_interval)
+    return np.asarray(np.exp(-discount_rate * wait) * perpetual)
+
+
+def present_value_slope(
+    tamping_cost: Number, discount_rate: Number, interval: Number, observed: Number = 0.0
+) -> np.ndarray:
+    """∂PVC/∂T of Eq. (6), the first interval moved and the later ones held at the same length.
+
+    Parameters
+    ----------
+    tamping_cost : float or ndarray, GBP/track-km
+    discount_rate : float or ndarray, 1/year; at 0 the limit −c/T is returned
+    interval : float or ndarray, years
+    observed : float or ndarray, years
+
+    Returns
+    -------
+    ndarray, GBP/track-km per year, negative: a later tamping is a cheaper one.
+    """
+    rate, years = np.broadcast_arrays(
+        np.asarray(discount_rate, dtype=float), np.asarray(interval, dtype=float)
+    )
+    growth = np.expm1(rate * years)
+    # r / (e^{rT} − 1) without 0/0 where there is no discounting.
+    factor = np.divide(rate, growth, out=np.asarray(1.0 / years), where=growth != 0.0)
+    return np.asarray(-tamping_cost * np.exp(rate * observed) * factor)
+
+
+def elasticity(
+    base_interval: Number, interval: Number, base_driver: Number, driver: Number
+) -> np.ndarray:
+    """Deterioration elasticity γ = (T₂/T₁ − 1) / ((q₂ − q₁)/q₁), for speed and for tonnage.
+
+    Parameters
+    ----------
+    base_interval, interval : float or ndarray, any unit of time
+    base_driver, driver : float or ndarray
+        Speed or tonnage without and with the change, in the same unit.
+
+    Returns
+    -------
+    ndarray, dimensionless.
+
+    Examples
+    --------
+    >>> float(elasticity(697.0, 620.0, 201.0, 209.0).round(2))
+    -2.78
+    """
+    change = (driver - base_driver) / base_driver
+    return np.asarray((interval / base_interval - 1.0) / change)
+
+
+def marginal_cost(
+    elasticity: Number,
+    base_interval: Number,
+    tamping_cost: Number,
+    discount_rate: Number,
+    divisor: Number,
+    observed: Number = 0.0,
+) -> np.ndarray:
+    """Marginal cost of tamping, Eqs. (8) and (9): −γ c r e^{r t̃} / (e^{rT} − 1) / d.
+
+    Parameters
+    ----------
+    elasticity : float or ndarray
+    base_interval : float or ndarray, years
+        T of the baseline.
+    tamping_cost : float or ndarray, GBP/track-km
+    discount_rate : float or ndarray, 1/year
+    divisor : float or ndarray
+        d, the yearly quantity the cost is spread over; it sets the unit of the result
+        (``Change.divisor``).
+    observed : float or ndarray, years
+
+    Returns
+    -------
+    ndarray, GBP per unit of ``divisor`` per year and track-km.
+    """
+    slope = present_value_slope(tamping_cost, discount_rate, base_interval, observed)
+    return np.asarray(slope * elasticity / divisor)
+
+
+@dataclass(frozen=True)
+class Change:
+    """What the scenario changes: the driver without and with it, and what the cost is spread over.
+
+    ``base`` and ``changed`` share a unit; ``divisor`` is d of Eqs. (8) and (9) and ``unit`` the
+    unit of the marginal cost that follows from it.
+    """
+
+    effect: Literal["speed", "tonnage"]
+    base: float
+    changed: float
+    divisor: float
+    unit: str
+
+    def __post_init__(self) -> None:
+        for name in ("base", "changed", "divisor"):
+            value = getattr(self, name)
+            if not 0.0 < value < np.inf:
+                raise InputError(f"{self.effect} effect: {name} is {value}; it must be positive")
+        if self.base == self.changed:
+            raise InputError(
+                f"{self.effect} effect: both scenarios have {self.base}; "
+                "an elasticity needs a scenario that differs from its baseline"
+            )
+
+
+def speed_change(base_kmh: float, changed_kmh: float, trains_thousand_per_year: float) -> Change:
+    """Change of linespeed [km/h]; the cost is per km/h, at the *new* speed, per 1000 train-km.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive or the speeds are equal.
+    """
+    divisor = changed_kmh * trains_thousand_per_year
+    return Change("speed", base_kmh, changed_kmh, divisor, SPEED_UNIT)
+
+
+def tonnage_change(
+    base_mgt_per_day: float, changed_mgt_per_day: float, changed_mgt_per_year: float | None = None
+) -> Change:
+    """Change of tonnage [MGT/day]; the cost is per 1000 tonne-km of the *new* yearly tonnage.
+
+    ``changed_mgt_per_year`` defaults to 365 days of the changed traffic.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive or the tonnages are equal.
+    """
+    if changed_mgt_per_year is None:
+        changed_mgt_per_year = DAYS_PER_YEAR * changed_mgt_per_day
+    thousand_tonnes = 1e3 * changed_mgt_per_year
+    return Change("tonnage", base_mgt_per_day, changed_mgt_per_day, thousand_tonnes, TONNAGE_UNIT)
+
+
+@dataclass(frozen=True)
+class Effects:
+    """A scenario against its baseline, realisation by realisation, each array of shape [R].
+
+    ``status`` is ``paired`` where both intervals are known, ``censored`` where one of them ran into
+    its horizon, ``failed`` where one has no result. ``reduction_percent``, ``elasticity`` and
+    ``marginal_cost`` (in the unit of ``change``) are NaN unless paired. ``reduction_lower`` and
+    ``reduction_upper`` bound the reduction in every pair by what censoring leaves known.
+    """
+
+    change: Change
+    status: np.ndarray
+    reduction_percent: np.ndarray
+    elasticity: np.ndarray
+    marginal_cost: np.ndarray
+    reduction_lower: np.ndarray
+    reduction_upper: np.ndarray
+
+
+def paired_effects(
+    base_days: np.ndarray,
+    days: np.ndarray,
+    base_censored_at: np.ndarray,
+    censored_at: np.ndarray,
+    change: Change,
+    tamping_cost: Number = 5625.0,
+    discount_rate: Number = 0.035,
+) -> Effects:
+    """Effect of a scenario in each realisation, from intervals on the same tracks.
+
+    Parameters
+    ----------
+    base_days, days : ndarray, shape [R], days
+        Tamping intervals of baseline and scenario, NaN where the limit was not reached.
+    base_censored_at, censored_at : ndarray, shape [R], days
+        Horizon where the limit was not reached, NaN elsewhere; NaN in both marks a failure.
+    change : Change
+    tamping_cost : float or ndarray [R], GBP/track-km
+    discount_rate : float or ndarray [R], 1/year
+
+    Returns
+    -------
+    Effects
+
+    Raises
+    ------
+    InputError
+        If the arrays differ in length or an interval is not positive.
+    """
+    arrays = [np.asarray(a, dtype=float) for a in (base_days, days, base_censored_at, censored_at)]
+    if len({a.shape for a in arrays}) != 1 or any(np.any(a <= 0.0) for a in arrays):
+        raise InputError("paired intervals must be positive days in arrays of equal length")
+    first, second, first_limit, second_limit = arrays
+    gamma = elasticity(first, second, change.base, change.changed)
+    cost = marginal_cost(gamma, first / DAYS_PER_YEAR, tamping_cost, discount_rate, change.divisor)
+    failed = np.isnan(np.fmax(first, first_limit)) | np.isnan(np.fmax(second, second_limit))
+    paired = ~np.isnan(first) & ~np.isnan(second)
+    # Censored: the interval lies between its horizon and infinity; failed: anywhere.
+    shortest = [
+        _known(first, np.nan_to_num(first_limit)),
+        _known(second, np.nan_to_num(second_limit)),
+    ]
+    longest = [_known(first, np.inf), _known(second, np.inf)]
+    return Effects(
+        change=change,
+        status=np.where(paired, "paired", np.where(failed, "failed", "censored")),
+        reduction_percent=_reduction_percent(first, second),
+        elasticity=gamma,
+        marginal_cost=cost,
+        reduction_lower=_reduction_percent(shortest[0], longest[1]),
+        reduction_upper=_reduction_percent(longest[0], shortest[1]),
+    )
+
+
+def _known(days: np.ndarray, otherwise: Number) -> np.ndarray:
+    """Days where known, and the value given otherwise."""
+    return np.where(np.isnan(days), otherwise, days)
+
+
+def _reduction_percent(base: np.ndarray, changed: np.ndarray) -> np.ndarray:
+    """100 (1 − T₂/T₁), with the limits 100 for T₁ → ∞ and −∞ for T₂ → ∞ or T₁ → 0."""
+    ratio = np.full(base.shape, np.inf)
+    np.divide(changed, base, out=ratio, where=(base > 0.0) & np.isfinite(changed))
+    ratio[np.isnan(base) | np.isnan(changed)] = np.nan
+    return 100.0 * (1.0 - ratio)

@@ -1,0 +1,98 @@
+"""Reduced bases on disk: found by the digest of all they depend on, checked, written atomically.
+
+Depends on: reduced.
+"""
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+import warnings
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mcsettle.fem25d.reduced import Band
+
+FORMAT = 1  # raise whenever the same settings would give other numbers
+ARRAYS = ("stiffness", "mass", "load", "output0", "output1")
+
+
+def digest_of(description: dict[str, Any]) -> str:
+    """SHA-256 hex digest of the canonical JSON of a description."""
+    text = json.dumps(description, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def cache_folder() -> Path:
+    """Folder for reduced bases: ``MCSETTLE_CACHE``, else the platform's user cache folder."""
+    named = os.environ.get("MCSETTLE_CACHE")
+    if named:
+        return Path(named)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return base / "mcsettle" / f"fem25d-{FORMAT}"
+
+
+def write_bands(path: Path, bands: tuple[Band, ...], errors: np.ndarray) -> None:
+    """Write bands and their errors to one ``.npz``, complete or not at all."""
+    arrays: dict[str, np.ndarray] = {
+        "bounds": np.array([[b.lower, b.upper, b.solves] for b in bands]),
+        "errors": errors,
+    }
+    for i, band in enumerate(bands):
+        arrays.update({f"{name}_{i}": getattr(band, name) for name in ARRAYS})
+    checksum = np.array(_checksum(arrays))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            np.savez(stream, checksum=checksum, **arrays)  # type: ignore[arg-type]
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def read_bands(path: Path) -> tuple[tuple[Band, ...], np.ndarray] | None:
+    """Bands and errors from disk; None where there is no file or (with a warning) a damaged one."""
+    if not path.exists():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        if str(arrays.pop("checksum")) != _checksum(arrays):
+            raise ValueError("its checksum does not match")
+        return _bands(arrays), arrays["errors"]
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        warnings.warn(
+            f"the stored track response {path} is damaged ({error}); it is computed again",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+        return None
+
+
+def _bands(arrays: dict[str, np.ndarray]) -> tuple[Band, ...]:
+    return tuple(
+        Band(float(low), float(up), *(arrays[f"{name}_{i}"] for name in ARRAYS), int(solves))
+        for i, (low, up, solves) in enumerate(arrays["bounds"])
+    )
+
+
+def _checksum(arrays: dict[str, np.ndarray]) -> str:
+    total = hashlib.sha256()
+    for name in sorted(arrays):
+        a = np.ascontiguousarray(arrays[name])
+        total.update(f"{name}{a.dtype.str}{a.shape}".encode())
+        total.update(a.tobytes())
+    return total.hexdigest()

@@ -1,0 +1,105 @@
+"""Stress on the centreline as rows of a sparse matrix.
+
+Derivatives of quadratic elements are most accurate at the 2 × 2 Gauss points. The rows therefore
+take the stress there, extrapolate it to y = 0 in y² (all four components are even in y) and
+interpolate it in z within a layer.
+
+Depends on: element.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+
+from mcsettle.fem25d.element import Cells, strain_operators
+
+ROWS = (0, 1, 2, 5)  # xx, yy, zz, xz of the strains' order
+NEIGHBOURS = 4  # Gauss points in an interpolation over z
+
+
+def stress_operators(
+    basis: skfem.Basis,
+    cells: Cells,
+    place: np.ndarray,
+    z: np.ndarray,
+    layer_bounds: list[tuple[float, float]],
+) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Matrices S0, S1 [4 Z, N] with (S0 + k S1) u = (σxx, σyy, σzz, τxz) at the heights z [Pa].
+
+    Parameters
+    ----------
+    basis, cells, place
+        Mesh basis, materials and (column, row) of the elements.
+    z : np.ndarray
+        [Z] m, heights on the centreline.
+    layer_bounds : list of (upper, lower)
+        Heights [m] between which the stress is smooth.
+    """
+    column = np.flatnonzero(place[0] == 0)
+    gauss = (1.0 + np.array([-1.0, 1.0]) / np.sqrt(3.0)) / 2.0
+    points = np.stack([a.ravel() for a in np.meshgrid(gauss, gauss)])
+    local = skfem.Basis(
+        basis.mesh, basis.elem, elements=column, quadrature=(points, np.full(4, 0.25))
+    )
+    y, height = np.asarray(local.global_coordinates())
+    weights = _to_centreline(y, height, z, layer_bounds)
+    rows0, rows1 = _point_rows(local, cells, column)
+    spread = sp.kron(sp.eye(len(ROWS)), weights)
+    return sp.csr_matrix(spread @ rows0), sp.csr_matrix(spread @ rows1)
+
+
+def _point_rows(
+    local: skfem.Basis, cells: Cells, column: np.ndarray
+) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Stress at the Gauss points of the centre column, [4 P, N] each."""
+    n_points = column.size * local.X.shape[1]
+    number = np.arange(n_points).reshape(column.size, -1)
+    d = cells.stiffness[:, :, column, None]
+    sy, sz = cells.stretch_y[column, None], cells.stretch_z[column, None]
+    entries: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+    where: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+    for dof in range(local.Nbfun):
+        strains = strain_operators(local.basis[dof][0], sy, sz)
+        unknown = np.broadcast_to(local.element_dofs[dof][:, None], number.shape)
+        for order, strain in enumerate(strains):
+            for c, row in enumerate(ROWS):
+                value = _stress(d, strain, row)
+                if value is None:
+                    continue
+                entries[order].append(np.broadcast_to(value, number.shape).ravel())
+                where[order].append(np.stack([(c * n_points + number).ravel(), unknown.ravel()]))
+    shape = (len(ROWS) * n_points, local.N)
+    first, second = (
+        sp.csr_matrix((np.concatenate(entries[o]), tuple(np.concatenate(where[o], axis=1))), shape)
+        for o in range(2)
+    )
+    return first, second
+
+
+def _stress(d: np.ndarray, strain: list[np.ndarray | None], row: int) -> np.ndarray | None:
+    """One stress component of a strain; the factor i belongs to u = (i ũx, ...)."""
+    if row > 2:
+        value = strain[row]
+        return None if value is None else 1j * d[row, row] * value
+    terms = [d[row, j] * s for j, s in enumerate(strain[:3]) if s is not None]
+    return sum(terms[1:], terms[0]) if terms else None
+
+
+def _to_centreline(
+    y: np.ndarray, height: np.ndarray, z: np.ndarray, layer_bounds: list[tuple[float, float]]
+) -> sp.csr_matrix:
+    """Weights [Z, P] that carry values at Gauss points to (0, z)."""
+    y, height = y.ravel(), height.ravel()
+    levels, level = np.unique(np.round(height, 9), return_inverse=True)
+    y1, y2 = y.min(), y.max()
+    at_centre = np.where(y < (y1 + y2) / 2.0, y2**2, -(y1**2)) / (y2**2 - y1**2)
+    extrapolate = sp.csr_matrix((at_centre, (level, np.arange(y.size))), (levels.size, y.size))
+    interpolate = sp.lil_matrix((z.size, levels.size))
+    for upper, lower in layer_bounds:
+        inside = np.flatnonzero((levels < upper) & (levels > lower))
+        for i in np.flatnonzero((z < upper) & (z > lower)):
+            near = inside[np.argsort(np.abs(levels[inside] - z[i]))[:NEIGHBOURS]]
+            for j in near:
+                others = levels[near[near != j]]
+                interpolate[i, j] = np.prod((z[i] - others) / (levels[j] - others))
+    return sp.csr_matrix(sp.csr_matrix(interpolate) @ extrapolate)

@@ -1,0 +1,74 @@
+"""Quadrature over wavenumber, and the jump that hysteretic damping puts into the integrand.
+
+Depends on: nothing of the package.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+FIRST = 0.002  # rad/m, first panel next to k = 0
+RATIO = 0.2  # panel length over its wavenumber, near k = 0
+FAR = 3.0  # rad/m, beyond which panels lengthen again
+FAR_GROWTH = 0.012
+
+
+@dataclass(frozen=True)
+class Quadrature:
+    """Composite Gauss–Legendre rule over (0, k_max]: ``edges`` [P + 1], ``nodes`` and ``weights``
+    [P n] rad/m, ``points`` n a panel."""
+
+    edges: np.ndarray
+    nodes: np.ndarray
+    weights: np.ndarray
+    points: int
+
+
+def wavenumber_quadrature(k_max: float, panel: float, points: int) -> Quadrature:
+    """Panels graded towards k = 0, no longer than ``panel`` below 3 rad/m [rad/m].
+
+    A panel of length h integrates e^{-iks} for |s| h / 2 up to about the number of its points.
+    Beyond 3 rad/m the integrand is small (the rails' bending filters it) and panels lengthen.
+    """
+    edges = [0.0, min(FIRST, k_max)]
+    while edges[-1] < k_max:
+        k = edges[-1]
+        step = min(RATIO * k, panel + FAR_GROWTH * max(0.0, k - FAR))
+        edges.append(k + step)
+    edges[-1] = k_max
+    if len(edges) > 2 and edges[-1] - edges[-2] < 0.3 * (edges[-2] - edges[-3]):
+        del edges[-2]
+    x, w = np.polynomial.legendre.leggauss(points)
+    e = np.array(edges)
+    half = np.diff(e)[:, None] / 2.0
+    nodes = (e[:-1, None] + half) + half * x
+    return Quadrature(e, nodes.ravel(), (half * w).ravel(), points)
+
+
+def jump_shares(quadrature: Quadrature, place: float) -> tuple[slice, np.ndarray] | None:
+    """Nodes of the panel that holds a jump, and the share of each node's weight below it.
+
+    With f = f₁ below ``place`` [rad/m] and f₂ above, both smooth over the whole panel, the values
+    share f₁ + (1 - share) f₂ at the panel's nodes integrate the pieces exactly for polynomials.
+
+    Returns
+    -------
+    (slice, shares [n]) or None
+        None where the jump lies outside the rule or on an edge.
+    """
+    at = int(np.searchsorted(quadrature.edges, place, side="right")) - 1
+    if not 0 <= at < quadrature.edges.size - 1:
+        return None
+    lower, upper = quadrature.edges[at], quadrature.edges[at + 1]
+    n = quadrature.points
+    x, w = np.polynomial.legendre.leggauss(n)
+    cut = 2.0 * (place - lower) / (upper - lower) - 1.0
+    # ∫_{-1}^{cut} of each Lagrange polynomial, by its Legendre coefficients (2l+1)/2 w_i P_l(x_i).
+    values = np.polynomial.legendre.legvander(x, n - 1)
+    ends = np.polynomial.legendre.legvander(np.array([cut]), n)[0]
+    integral = np.empty(n)
+    integral[0] = cut + 1.0
+    for degree in range(1, n):
+        integral[degree] = (ends[degree + 1] - ends[degree - 1]) / (2 * degree + 1)
+    shares = (values * (2.0 * np.arange(n) + 1.0) / 2.0) @ integral
+    return slice(at * n, (at + 1) * n), shares

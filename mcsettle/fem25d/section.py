@@ -1,0 +1,279 @@
+"""Mesh, materials, load and outputs of a symmetric half cross-section.
+
+``build_section`` turns plain descriptions (mesh lines, a material for every cell, the loaded strip,
+the depths of the outputs) into the matrices that ``solve`` works on; ``track_section`` describes a
+ballasted track to it. The rail is not part of the mesh: a pad spreads its force evenly over the rail
+foot and takes the mean displacement under it, so rail and pad join the section in closed form
+(``response``).
+
+Depends on: track, transfer, element, grid, pml.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+
+from mcsettle.fem25d.depth import depth_grid
+from mcsettle.fem25d.element import (
+    DISPLACEMENTS,
+    Cells,
+    assemble_operators,
+    isotropic_stiffness,
+    smeared_stiffness,
+    vector_basis,
+)
+from mcsettle.fem25d.grid import (
+    Lines,
+    element_columns,
+    growing_lines,
+    structured_mesh,
+    uniform_lines,
+    with_border,
+)
+from mcsettle.fem25d.outputs import stress_operators
+from mcsettle.fem25d.pml import Border
+from mcsettle.track import SectionTrack, depth_below_subgrade
+from mcsettle.transfer import DepthGrid
+
+AXIAL_RATIO = 1e-3  # E_x of the smeared sleepers over E of their concrete
+
+
+@dataclass(frozen=True)
+class MeshSettings:
+    """Element sizes [m] near the track, their growth and largest size, side width, border."""
+
+    size: float = 0.12
+    growth: float = 1.3
+    largest: float = 0.9
+    side: float = 0.8
+    border: Border = Border()
+
+    def __post_init__(self) -> None:
+        if not (self.size > 0.0 and self.largest > 0.0 and self.side > 0.0 and self.growth >= 1.0):
+            raise ValueError(
+                f"mesh sizes are {self.size}, {self.largest}, {self.side} m and growth "
+                f"{self.growth}; sizes must be positive and growth at least 1"
+            )
+
+
+@dataclass(frozen=True)
+class Section:
+    """Matrices of a cross-section on its free unknowns, n in number.
+
+    ``stiffness`` (K0, K1, K2) and ``mass`` are complex symmetric and share a pattern; ``load`` [n] is
+    a unit downward force spread over the strip, so ``load @ u`` is the mean downward displacement
+    there; ``stress0 + k stress1`` [4 Z, n] gives the stresses, component by component.
+    """
+
+    stiffness: tuple[sp.csc_matrix, sp.csc_matrix, sp.csc_matrix]
+    mass: sp.csc_matrix
+    load: np.ndarray
+    stress0: sp.csr_matrix
+    stress1: sp.csr_matrix
+    basis: skfem.Basis
+    free: np.ndarray
+
+    @property
+    def unknowns(self) -> int:
+        """Number of free unknowns."""
+        return int(self.load.size)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A material for the elements: ``stiffness`` [6, 6] Pa and ``density`` kg/m³."""
+
+    stiffness: np.ndarray
+    density: float
+
+
+def damped(youngs_modulus: float, damping: float, convention: str) -> complex:
+    """Complex modulus E (1 + 2iξ) or, for ``loss_factor``, E (1 + iξ) at ω > 0 [Pa]."""
+    factor = 2.0 if convention == "damping_ratio" else 1.0
+    return youngs_modulus * (1.0 + 1j * factor * damping)
+
+
+def build_section(
+    y: Lines,
+    depth: Lines,
+    top: float,
+    materials: list[Ground],
+    index: np.ndarray,
+    strip: tuple[float, float],
+    z: np.ndarray,
+    layer_bounds: list[tuple[float, float]],
+) -> Section:
+    """Assemble a half section that is symmetric about y = 0.
+
+    Parameters
+    ----------
+    y, depth : Lines
+        Mesh lines from the centreline outwards and from ``top`` downwards.
+    top : float
+        Height z of the highest line [m].
+    materials, index
+        ``index`` [columns, rows] picks the material of each cell; -1 leaves the cell out.
+    strip : (float, float)
+        Loaded part of the top line [m].
+    z : np.ndarray
+        [Z] m, heights on the centreline where stresses are given.
+    layer_bounds : list of (upper, lower)
+        Heights [m] between which stresses are smooth; each z lies in one.
+
+    Returns
+    -------
+    Section
+    """
+    mesh, place = structured_mesh(y, depth, top)
+    mesh = mesh.restrict(np.flatnonzero(index[place[0], place[1]] >= 0))
+    place = element_columns(mesh, y, depth, top)
+    chosen = index[place[0], place[1]]
+    cells = Cells(
+        np.stack([m.stiffness for m in materials])[chosen].transpose(1, 2, 0),
+        np.array([m.density for m in materials])[chosen],
+        y.stretch[place[0]],
+        depth.stretch[place[1]],
+    )
+    basis = vector_basis(mesh)
+    free = _free_unknowns(basis, y.position[-1], top - depth.position[-1])
+    operators = [_restricted(k, free) for k in assemble_operators(basis, cells)]
+    stress0, stress1 = stress_operators(basis, cells, place, z, layer_bounds)
+    return Section(
+        (operators[0], operators[1], operators[2]),
+        operators[3],
+        _strip_load(basis, strip, top)[free],
+        sp.csr_matrix(stress0[:, free]),
+        sp.csr_matrix(stress1[:, free]),
+        basis,
+        free,
+    )
+
+
+def track_section(track: SectionTrack, integration_depth: float, mesh: MeshSettings) -> Section:
+    """Half section of a ballasted track: sleeper, embankment, layered ground, border.
+
+    Parameters
+    ----------
+    track : SectionTrack
+        Widths are full widths; the lowest embankment layer stands on the surface z = 0.
+    integration_depth : float
+        Depth [m] below z = 0 down to which stresses are given; the mesh is real to there.
+    mesh : MeshSettings
+        Element sizes and absorbing border.
+    """
+    top = depth_below_subgrade(track.layers) + track.sleeper.height
+    y, depth = track_lines(track, integration_depth, mesh)
+    materials, index = _track_materials(track, y, depth)
+    grid = depth_grid(track, integration_depth)
+    foot = (
+        track.rail.offset - track.rail.foot_width / 2.0,
+        track.rail.offset + track.rail.foot_width / 2.0,
+    )
+    return build_section(
+        y, depth, top, materials, index, foot, grid.z, _layer_bounds(track, integration_depth)
+    )
+
+
+def track_lines(
+    track: SectionTrack, integration_depth: float, mesh: MeshSettings
+) -> tuple[Lines, Lines]:
+    """Mesh lines of a track section: y from the centreline, depth from the sleeper top [m]."""
+    foot, half = track.rail.foot_width / 2.0, track.rail.offset
+    widths = [track.sleeper.length / 2.0] + [w.width / 2.0 for w in track.embankment if w.width]
+    breaks = [0.0, half - foot, half + foot, *widths]
+    near = uniform_lines(breaks, mesh.size)
+    side = growing_lines(mesh.side, mesh.size * mesh.growth, mesh.growth, mesh.largest)
+    y = np.concatenate([near, near[-1] + side[1:]])
+    heights = np.cumsum([0.0, track.sleeper.height, *(w.height for w in track.embankment)])
+    upper = uniform_lines([float(h) for h in heights], mesh.size)
+    lower = _ground_lines(track, integration_depth, mesh)
+    depth = np.concatenate([upper, upper[-1] + lower[1:]])
+    return with_border(y, mesh.border), with_border(depth, mesh.border)
+
+
+def _ground_lines(
+    track: SectionTrack, integration_depth: float, mesh: MeshSettings
+) -> np.ndarray:
+    """Lines from z = 0 down past every interface and the integration depth [m]."""
+    interfaces = list(np.cumsum([w.height for w in track.ground[:-1]]))
+    breaks = sorted({0.0, integration_depth, *(float(i) for i in interfaces)})
+    position, first = np.array([0.0]), mesh.size
+    for a, b in zip(breaks, breaks[1:], strict=False):
+        if b - a < TOLERANCE_BREAK:
+            continue
+        piece = growing_lines(b - a, first, mesh.growth, mesh.largest)
+        first = min((piece[-1] - piece[-2]) * mesh.growth, mesh.largest)
+        position = np.concatenate([position, position[-1] + piece[1:]])
+    return position
+
+
+TOLERANCE_BREAK = 1e-6  # m
+
+
+def _track_materials(
+    track: SectionTrack, y: Lines, depth: Lines
+) -> tuple[list[Ground], np.ndarray]:
+    """Material list (sleeper first, then the layers) and its index for every cell."""
+    convention = track.damping_convention
+    m, s = track.sleeper.material, track.sleeper
+    modulus = damped(m.youngs_modulus, m.damping, convention)
+    materials = [
+        Ground(smeared_stiffness(modulus, m.poisson, s.fill, AXIAL_RATIO), m.density * s.fill)
+    ]
+    for layer in track.layers:
+        m = layer.material
+        modulus = damped(m.youngs_modulus, m.damping, convention)
+        materials.append(Ground(isotropic_stiffness(modulus, m.poisson), m.density))
+    bottoms = np.cumsum([s.height, *(w.height for w in track.layers)])
+    row = np.searchsorted(bottoms, depth.middle)
+    widths = [s.length] + [math.inf if w.width is None else w.width for w in track.layers]
+    inside = np.abs(y.middle)[:, None] < np.array(widths)[row][None, :] / 2.0
+    return materials, np.where(inside, row[None, :], -1)
+
+
+def _layer_bounds(track: SectionTrack, integration_depth: float) -> list[tuple[float, float]]:
+    """Upper and lower height of every layer that carries outputs [m]."""
+    z, bounds = depth_below_subgrade(track.layers), []
+    for layer in track.layers:
+        lower = max(z - layer.height, -integration_depth)
+        if lower < z - TOLERANCE_BREAK:
+            bounds.append((z, lower))
+        z = lower
+    return bounds
+
+
+def _free_unknowns(basis: skfem.Basis, y_end: float, z_end: float) -> np.ndarray:
+    """All unknowns but those of the fixed outer border and uy on the plane of symmetry."""
+    component = np.zeros(basis.N, dtype=int)
+    for dofs in (basis.nodal_dofs, basis.facet_dofs, basis.interior_dofs):
+        for c in range(DISPLACEMENTS):
+            component[dofs[c]] = c
+    at, span = basis.doflocs, max(abs(y_end), abs(z_end))
+    fixed = np.isclose(at[0], y_end, rtol=0, atol=1e-9 * span)
+    fixed |= np.isclose(at[1], z_end, rtol=0, atol=1e-9 * span)
+    fixed |= (component == 1) & (np.abs(at[0]) < 1e-9)
+    return np.flatnonzero(~fixed)
+
+
+def _restricted(matrix: sp.csc_matrix, free: np.ndarray) -> sp.csc_matrix:
+    return sp.csc_matrix(matrix[free][:, free])
+
+
+def _strip_load(basis: skfem.Basis, strip: tuple[float, float], top: float) -> np.ndarray:
+    """Unit downward force spread evenly over a strip of the top line [N]."""
+
+    def on_strip(x: np.ndarray) -> np.ndarray:
+        return np.asarray((x[0] > strip[0]) & (x[0] < strip[1]) & (np.abs(x[1] - top) < 1e-9))
+
+    facets = basis.mesh.facets_satisfying(on_strip)
+    if facets.size == 0:
+        raise ValueError(f"no element edge lies on the loaded strip {strip} at z = {top} m")
+    edge = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets, intorder=4)
+    width = strip[1] - strip[0]
+    return np.asarray(skfem.LinearForm(lambda v, w: -v[2] / width).assemble(edge))
+
+
+__all__ = ["DepthGrid", "Ground", "MeshSettings", "Section", "build_section", "track_section"]

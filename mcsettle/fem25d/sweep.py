@@ -1,0 +1,164 @@
+"""The door to Step A: reduced bases for a track, from disk or computed, as a ``SectionResponse``.
+
+Depends on: track, cache, reduced, response, section, settings, solve.
+"""
+
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mcsettle.fem25d.cache import FORMAT, cache_folder, digest_of, read_bands, write_bands
+from mcsettle.fem25d.reduced import Band, grow_band, output_error, training_set
+from mcsettle.fem25d.response import SectionResponse, rayleigh_speed
+from mcsettle.fem25d.section import Section, track_section
+from mcsettle.fem25d.settings import Settings
+from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.track import SectionTrack
+
+Progress = Callable[[int, int, str], None]
+HELD_OUT = 2  # random check points a band
+HELD_OUT_SEED = 8_230_451
+
+
+def section_response(
+    track: SectionTrack,
+    integration_depth: float = 5.5,
+    settings: Settings | None = None,
+    cache: Path | None = None,
+    progress: Progress | None = None,
+    workers: int = 1,
+    use_cache: bool = True,
+) -> SectionResponse:
+    """Response of a ballasted track to moving loads (Step A), computed once and kept on disk.
+
+    Parameters
+    ----------
+    track : SectionTrack
+        Track and ground.
+    integration_depth : float
+        Depth [m] below the subgrade surface to which stresses are given.
+    settings : Settings, optional
+        Numerical settings.
+    cache : Path, optional
+        Folder of stored bases; default ``MCSETTLE_CACHE`` or the user's cache folder.
+    progress : callable, optional
+        Called as ``progress(done, total, text)`` when a band of wavenumbers is finished.
+    workers : int
+        Processes (spawned, and closed before return); 1 computes in this process.
+    use_cache : bool
+        False neither reads nor writes stored bases.
+
+    Raises
+    ------
+    ValueError
+        For a depth, setting or number of workers out of range.
+    RuntimeError
+        If a reduced basis misses its tolerance.
+    """
+    settings = Settings() if settings is None else settings
+    if workers < 1:
+        raise ValueError(f"workers is {workers}; at least one is needed")
+    key = _basis_digest(track, integration_depth, settings)
+    path = (cache_folder() if cache is None else Path(cache)) / f"section-{key[:32]}.npz"
+    found = read_bands(path) if use_cache else None
+    if found is None:
+        found = _compute(track, integration_depth, settings, progress, workers)
+        if use_cache:
+            write_bands(path, *found)
+    digest = digest_of(_description(track, integration_depth, settings))
+    return SectionResponse(track, integration_depth, settings, found[0], found[1], digest)
+
+
+def _compute(
+    track: SectionTrack,
+    integration_depth: float,
+    settings: Settings,
+    progress: Progress | None,
+    workers: int,
+) -> tuple[tuple[Band, ...], np.ndarray]:
+    """Grow every band, here or in spawned processes; the result does not depend on which."""
+    count = len(settings.bands)
+    done: dict[int, tuple[Band, np.ndarray]] = {}
+
+    def report(index: int) -> None:
+        if progress is not None:
+            solves = sum(band.solves for band, _ in done.values())
+            progress(len(done), count, f"track response: {solves} solutions")
+
+    if workers == 1:
+        section = track_section(track, integration_depth, settings.mesh)
+        for i in range(count):
+            done[i] = _grow(section, track, settings, i)
+            report(i)
+    else:
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(min(workers, count), mp_context=context) as pool:
+            jobs = {
+                pool.submit(_task, track, integration_depth, settings, i): i for i in range(count)
+            }
+            for job in as_completed(jobs):
+                done[jobs[job]] = job.result()
+                report(jobs[job])
+    ordered = [done[i] for i in range(count)]
+    return tuple(band for band, _ in ordered), np.concatenate([e for _, e in ordered])
+
+
+_sections: dict[str, Section] = {}  # of a worker process: bands of one track share their section
+
+
+def _task(
+    track: SectionTrack, integration_depth: float, settings: Settings, index: int
+) -> tuple[Band, np.ndarray]:
+    key = _basis_digest(track, integration_depth, settings)
+    if key not in _sections:
+        _sections.clear()
+        _sections[key] = track_section(track, integration_depth, settings.mesh)
+    return _grow(_sections[key], track, settings, index)
+
+
+def _grow(
+    section: Section, track: SectionTrack, settings: Settings, index: int
+) -> tuple[Band, np.ndarray]:
+    """One band and its errors at random points it never saw."""
+    lower = 0.0 if index == 0 else settings.bands[index - 1]
+    upper = settings.bands[index]
+    speeds = {rayleigh_speed(layer.material) for layer in track.ground}
+    training = training_set(lower, upper, settings.max_omega, settings.max_speed, sorted(speeds))
+    band = grow_band(section, lower, upper, training, settings.tolerance, settings.max_solves)
+    rng = np.random.Generator(np.random.Philox(key=[HELD_OUT_SEED, index]))
+    errors = []
+    for k, share in zip(rng.uniform(lower, upper, HELD_OUT), rng.random(HELD_OUT), strict=True):
+        omega = share * (settings.max_omega + k * settings.max_speed)
+        exact = outputs(section, k, solve(section, k, omega))
+        errors.append(output_error(band.outputs(k, np.array([omega]))[0], exact))
+    return band, np.array(errors)
+
+
+def _basis_digest(track: SectionTrack, integration_depth: float, settings: Settings) -> str:
+    """Digest of what the bases depend on: not rail, pad, settlement laws, K0 or quadrature."""
+    plain = replace(settings, panel=1.0, panel_points=2)
+    description = _description(track, integration_depth, plain)
+    del description["track"]["pad"]
+    rail = description["track"]["rail"]
+    description["track"]["rail"] = [rail["offset"], rail["foot_width"]]
+    for layer in description["track"]["layers"]:
+        del layer["k0"], layer["name"]
+    return digest_of(description)
+
+
+def _description(
+    track: SectionTrack, integration_depth: float, settings: Settings
+) -> dict[str, Any]:
+    """Everything a response depends on (the settlement laws are not part of it)."""
+    plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+    return {
+        "format": FORMAT,
+        "track": asdict(plain),
+        "integration_depth": integration_depth,
+        "settings": asdict(settings),
+    }

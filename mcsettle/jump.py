@@ -1,0 +1,92 @@
+"""Cycle jump: many days at once, with an error estimate and a step of its own for each realisation.
+
+The growth of the amplitudes per day is dU/d(day) = Σ_e w_e(day) F_e(U), e running over services and
+settling layers, F the settlement of a whole train at a frozen profile and w the growth of the cycle
+functions. It is integrated in s = log(1 + day/scale), in which it is nearly constant. The cycle
+functions enter exactly; only the feedback of the profile is approximated, within the tolerance.
+
+Depends on: case, clock, pointwise, roughness, spectral, stepping.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mcsettle.case import Case, Outcome
+from mcsettle.clock import daily_weights
+from mcsettle.pointwise import pointwise_growth, pointwise_load
+from mcsettle.roughness import Roughness
+from mcsettle.spectral import ModePairs, fast_growth, stacked, train_form
+from mcsettle.stepping import integrate
+
+Growth = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def cycle_jump(
+    case: Case,
+    amplitudes: np.ndarray,
+    sample_days: np.ndarray,
+    growth: Growth,
+    measure: Roughness,
+    tolerance: float,
+    factor: np.ndarray | None = None,
+) -> Outcome:
+    """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``).
+
+    ``growth`` maps amplitudes [A, K] and weights [A, E] to the growth of both parts of the state.
+    """
+    model = case.model
+    before = min(model.cycles_before(law) for law in model.group_laws)
+    scale = before / (model.cycles_per_passage * case.timetable.passages_per_day)
+    factors = np.ones(len(amplitudes)) if factor is None else np.asarray(factor, dtype=float)
+
+    def rate(time: np.ndarray, state: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        day = scale * np.expm1(time)
+        weights = daily_weights(case, day) * (factors[rows] * (day + scale))[:, None]
+        change, uniform = growth(state[:, :-1], weights)
+        return np.concatenate([change, uniform[:, None]], axis=1)
+
+    state = np.concatenate([amplitudes, np.zeros((len(amplitudes), 1))], axis=1).astype(complex)
+    end = float(np.log1p(case.horizon / scale))
+    samples = np.log1p(sample_days / scale)
+    path = integrate(rate, state, end, case.sd_limit, measure, samples, tolerance)
+    day = scale * np.expm1(path.time)
+    return Outcome(
+        reached=path.reached,
+        failed=path.failed,
+        days=np.where(path.reached, day, np.nan),
+        passages=np.rint(day * case.timetable.passages_per_day).astype(np.int64),
+        sd_initial=measure.sd(amplitudes),
+        sd_final=measure.sd(path.state[:, :-1]),
+        mean_settlement=path.state[:, -1].real,
+        amplitudes=path.state[:, :-1],
+        history=path.sd,
+        steps=path.steps,
+    )
+
+
+def spectral_growth(case: Case, pairs: ModePairs) -> Growth:
+    """Growth by the second-order form of whole trains."""
+    form = stacked([train_form(transfer, case.model, pairs) for transfer in case.transfers])
+    packed = form.packed()
+
+    def growth(amplitudes: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return fast_growth(form, packed, amplitudes, weights, pairs)
+
+    return growth
+
+
+def exact_growth(case: Case) -> Growth:
+    """Growth at every x and depth: any law without expansion, hundreds of times slower."""
+    loads = [pointwise_load(transfer, case.model, case.window) for transfer in case.transfers]
+    n_groups = len(case.model.group_laws)
+
+    def growth(amplitudes: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        change, uniform = np.zeros_like(amplitudes), np.zeros(len(amplitudes))
+        for s, load in enumerate(loads):
+            own = weights[:, s * n_groups : (s + 1) * n_groups]
+            parts = pointwise_growth(load, np.arange(len(load.response)), amplitudes, own)
+            change, uniform = change + parts[0], uniform + parts[1]
+        return change, uniform
+
+    return growth

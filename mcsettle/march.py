@@ -1,0 +1,106 @@
+"""March through the timetable: one update per axle passage, or one per train.
+
+Depends on: case, clock, roughness, spectral, mcsettle.kernels.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mcsettle.case import Case, Outcome
+from mcsettle.clock import DayPlan, day_plan, update_weights
+from mcsettle.roughness import Roughness
+from mcsettle.spectral import ModePairs, SettlementForm, axle_form, tables, train_form
+
+if TYPE_CHECKING:
+    from mcsettle.kernels import spectral
+
+
+@dataclass(frozen=True)
+class Loads:
+    """The updates of one day and the forms they apply: A loads, G groups.
+
+    ``form`` [A, G, K + P + M, 2], ``constant`` [A, G] and ``mean`` [A, G, K] as the kernel takes them.
+    """
+
+    plan: DayPlan
+    pairs: ModePairs
+    form: np.ndarray
+    constant: np.ndarray
+    mean: np.ndarray
+
+
+def day_loads(case: Case, pairs: ModePairs, by_train: bool) -> Loads:
+    """Fold the coefficients of every axle of every service, or of every train."""
+    forms = _forms(case, pairs, by_train)
+    parts = zip(*((f.packed(), f.constant, f.mean) for f in forms), strict=True)
+    return Loads(day_plan(case, by_train), pairs, *(np.stack(part) for part in parts))
+
+
+def march(
+    case: Case,
+    amplitudes: np.ndarray,
+    sample_days: np.ndarray,
+    loads: Loads,
+    measure: Roughness,
+    tick: Callable[[float], None] | None = None,
+) -> Outcome:
+    """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``)."""
+    from mcsettle.kernels import spectral
+
+    plan = loads.plan
+    n_groups = loads.constant.shape[1]
+    state = spectral.March(amplitudes, 2.0 * case.sd_limit**2, tables(loads.pairs), n_groups)
+    history = np.full((len(amplitudes), len(sample_days)), np.nan)
+    last = int(np.floor(case.horizon * len(plan.load)))
+    sample_at = np.rint(sample_days * len(plan.load)).astype(np.int64)
+    done = 0
+    for stop in np.union1d(sample_at[sample_at < last], [last]):
+        while done < stop and state.any_active():
+            count = int(min(stop - done, state.burst_size()))
+            updates = update_weights(case, plan, done, count)
+            state.advance(*updates, loads.form, loads.constant, loads.mean)
+            done += count
+            if tick is not None:
+                tick(done / len(plan.load))
+        alive, at = state.is_active(), np.flatnonzero(sample_at == stop)
+        history[np.ix_(alive, at)] = measure.sd(state.amplitudes()[alive])[:, None]
+    return _outcome(case, plan, state, amplitudes, history, measure)
+
+
+def _outcome(
+    case: Case,
+    plan: DayPlan,
+    state: "spectral.March",
+    initial: np.ndarray,
+    history: np.ndarray,
+    measure: Roughness,
+) -> Outcome:
+    updates, final = state.updates(), state.amplitudes()
+    sd_final = measure.sd(final)
+    failed = ~np.isfinite(sd_final)
+    reached = ~state.is_active() & ~failed
+    return Outcome(
+        reached=reached,
+        failed=failed,
+        days=np.where(reached, updates / len(plan.load), np.nan),
+        passages=plan.passages(updates),
+        sd_initial=measure.sd(initial),
+        sd_final=sd_final,
+        mean_settlement=state.uniform(),
+        amplitudes=final,
+        history=history,
+        steps=updates,
+    )
+
+
+def _forms(case: Case, pairs: ModePairs, by_train: bool) -> list[SettlementForm]:
+    if by_train:
+        return [train_form(transfer, case.model, pairs) for transfer in case.transfers]
+    return [
+        axle_form(transfer, axle, case.model, pairs)
+        for transfer in case.transfers
+        for axle in range(len(transfer.quasi_static))
+    ]

@@ -1,0 +1,292 @@
+"""Study: one TOML file, read, validated, frozen, every default filled in.
+
+``load_study`` is the door. A study holds the tables of the file (``study_schema``) and builds the
+objects of the model from them; it knows nothing of how a study is run.
+
+Depends on: economics, errors, study_build, study_checks, study_faults, study_read,
+study_schema, study_text, track, traffic, units.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Self, TypeVar
+
+from pydantic import Field, ValidationError
+
+from mcsettle.economics import Change, speed_change, tonnage_change
+from mcsettle.errors import InputError
+from mcsettle.study_build import (
+    SettlementSettings,
+    build_timetable,
+    build_track,
+    build_train,
+    resolved_track,
+    resolved_train,
+    resolved_variant,
+    settlement_settings,
+)
+from mcsettle.study_checks import Parts, faults_between, warnings_of
+from mcsettle.study_faults import faults_of, refusal, suggestion
+from mcsettle.study_read import sound_parts, toml_data, with_tuples
+from mcsettle.study_schema import (
+    CalibrationTable,
+    EconomicsTable,
+    LimitTable,
+    Name,
+    ProfileTable,
+    ReferenceTable,
+    RunTable,
+    ScenarioTable,
+    SettlementTable,
+    Table,
+    Text,
+    TrackTable,
+    TrainTable,
+    VariantTable,
+)
+from mcsettle.study_text import toml_text
+from mcsettle.track import Track
+from mcsettle.traffic import Timetable, Train
+from mcsettle.units import DAYS_PER_YEAR, MGT
+
+SCHEMA_VERSION = 1
+_NO_EFFECT_ON_RESULTS = {"title", "reference", "calibration"}
+
+
+class Study(Table):
+    """One validated study. Tables keep the file's keys and units; builders return SI objects."""
+
+    schema_version: Annotated[int, Field(ge=1, le=SCHEMA_VERSION)]
+    title: Text = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    track_table: TrackTable = Field(default=TrackTable(), alias="track")
+    profile: ProfileTable = ProfileTable()
+    settlement: SettlementTable = SettlementTable()
+    limit: LimitTable
+    run: RunTable = RunTable()
+    economics: EconomicsTable | None = None
+    train_tables: dict[Name, TrainTable] = Field(alias="trains", min_length=1, max_length=50)
+    scenarios: Annotated[tuple[ScenarioTable, ...], Field(min_length=1, max_length=200)]
+    variants: Annotated[tuple[VariantTable, ...], Field(min_length=1, max_length=50)] = (
+        VariantTable(name="base"),
+    )
+    reference: Annotated[tuple[ReferenceTable, ...], Field(max_length=1000)] = ()
+    calibration: CalibrationTable | None = None
+
+    @property
+    def scenario_names(self) -> tuple[str, ...]:
+        """Names of the scenarios, in the order of the file."""
+        return tuple(scenario.name for scenario in self.scenarios)
+
+    @property
+    def variant_names(self) -> tuple[str, ...]:
+        """Names of the variants, in the order of the file."""
+        return tuple(variant.name for variant in self.variants)
+
+    @cached_property
+    def trains(self) -> Mapping[str, Train]:
+        """Every train of the study by name."""
+        return {name: build_train(name, table) for name, table in self.train_tables.items()}
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 [hex] of all that decides a result: not titles, references, sample size."""
+        data = _plain(self, exclude=_NO_EFFECT_ON_RESULTS)
+        data["run"].pop("realisations")
+        for entry in data["scenarios"] + data["variants"]:
+            entry.pop("title", None)
+        text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Remarks on a sound study: speeds near or above a wave speed of the ground."""
+        return tuple(warnings_of(_parts(self)))
+
+    def variant(self, name: str) -> VariantTable:
+        """The variant ``name``.
+
+        Raises
+        ------
+        InputError
+            No such variant.
+        """
+        return _named(name, "variant", self.variants)
+
+    def scenario(self, name: str) -> ScenarioTable:
+        """The scenario ``name``.
+
+        Raises
+        ------
+        InputError
+            No such scenario.
+        """
+        return _named(name, "scenario", self.scenarios)
+
+    def track(self, variant: str | None = None) -> Track:
+        """The track of ``variant`` (None: without any variant's layers)."""
+        return build_track(self.track_table, None if variant is None else self.variant(variant))
+
+    def timetable(self, scenario: str) -> Timetable:
+        """The ordered day of ``scenario``."""
+        return build_timetable(self.scenario(scenario), self.trains)
+
+    def settlement_settings(self, variant: str) -> SettlementSettings:
+        """The settlement settings of ``variant``, its overrides applied."""
+        return settlement_settings(self.settlement, self.variant(variant))
+
+    def mgt_per_day(self, scenario: str) -> float:
+        """Gross tonnage of ``scenario`` a day [MGT]: its own figure or its trains' sum."""
+        given = self.scenario(scenario).mgt_per_day
+        return given or self.timetable(scenario).mass_per_day / MGT
+
+    def mgt_per_year(self, scenario: str) -> float:
+        """Gross tonnage of ``scenario`` a year [MGT]: its own figure or 365 of its days."""
+        given = self.scenario(scenario).mgt_per_year
+        return given or self.mgt_per_day(scenario) * DAYS_PER_YEAR
+
+    def change(self, scenario: str) -> Change | None:
+        """What ``scenario`` changes against the baseline; None for the baseline."""
+        economics = self.economics
+        if economics is None or scenario == economics.baseline:
+            return None
+        table = self.scenario(scenario)
+        if economics.effect == "speed":
+            speed = table.timetable[0].speed_kmh
+            trains = economics.trains_thousand_per_year or 0.0
+            return speed_change(economics.base_speed_kmh or 0.0, speed, trains)
+        base = economics.mgt_per_day or 0.0
+        added = self.mgt_per_day(scenario) - self.mgt_per_day(economics.baseline)
+        return tonnage_change(base, base + added, table.mgt_per_year)
+
+    def with_run(
+        self,
+        realisations: int | None = None,
+        seed: int | None = None,
+        stepping: str | None = None,
+    ) -> Self:
+        """Copy with another sample size, seed or stepping (None: unchanged).
+
+        Raises
+        ------
+        InputError
+            A value the study file would refuse.
+        """
+        data = self.model_dump(by_alias=True, exclude_none=True)
+        changes = {"realisations": realisations, "stepping": stepping}
+        data["run"] |= {key: value for key, value in changes.items() if value is not None}
+        data["seed"] = self.seed if seed is None else seed
+        return type(self)._checked(data, "the run asked for")
+
+    @classmethod
+    def from_mapping(cls, data: Mapping[str, Any], origin: str = "the study") -> Self:
+        """Study of nested mappings and lists, as a TOML file gives them; all faults at once.
+
+        Raises
+        ------
+        InputError
+            One line a fault: key path, value received, what is accepted.
+        """
+        return cls._checked(with_tuples(data), origin)
+
+    @classmethod
+    def _checked(cls, data: Mapping[str, Any], origin: str) -> Self:
+        try:
+            study, faults, wrong = cls.model_validate(data), [], set()
+        except ValidationError as error:
+            study, faults = None, faults_of(error, cls)
+            wrong = {tuple(entry["loc"][:2]) for entry in error.errors(include_url=False)}
+        faults += faults_between(sound_parts(data, wrong) if study is None else _parts(study))
+        if study is None or faults:
+            raise refusal(origin, list(dict.fromkeys(faults)))
+        return study._resolved()
+
+    def _resolved(self) -> Self:
+        """Copy with presets, vehicles, variants and economics written out."""
+        return self.model_copy(
+            update={
+                "track_table": resolved_track(self.track_table),
+                "train_tables": {k: resolved_train(t) for k, t in self.train_tables.items()},
+                "variants": tuple(resolved_variant(v, self.settlement) for v in self.variants),
+                "economics": self._resolved_economics(),
+            }
+        )
+
+    def _resolved_economics(self) -> EconomicsTable | None:
+        """The economics with base speed, trains a year and tonnage a day from the baseline."""
+        if self.economics is None:
+            return None
+        timetable = self.timetable(self.economics.baseline)
+        own = self.economics.model_dump(exclude_none=True)
+        defaults = {
+            "base_speed_kmh": self.scenario(self.economics.baseline).timetable[0].speed_kmh,
+            "trains_thousand_per_year": timetable.trains_per_day * DAYS_PER_YEAR / 1000.0,
+            "mgt_per_day": self.mgt_per_day(self.economics.baseline),
+        }
+        return EconomicsTable.model_validate(defaults | own)
+
+
+def load_study(path: str | os.PathLike[str]) -> Study:
+    """Read, validate and complete the study file at ``path``.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is no TOML, or has faults (all of them are listed).
+    """
+    data = toml_data(Path(path))
+    return Study.from_mapping(data, str(path))
+
+
+def resolved_toml(study: Study) -> str:
+    """``study`` as TOML with every default filled in; reading it gives an equal study."""
+    return toml_text(_plain(study))
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of study files, for editors that complete and check TOML."""
+    schema = Study.model_json_schema(by_alias=True)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _plain(study: Study, exclude: set[str] | None = None) -> dict[str, Any]:
+    """The study as mappings and lists under the file's keys; empty tables and None left out."""
+    data = study.model_dump(mode="json", by_alias=True, exclude_none=True, exclude=exclude)
+    data["track"] = {key: value for key, value in data["track"].items() if value != {}}
+    for variant in data["variants"]:
+        if not variant["layers"]:
+            del variant["layers"]
+    if not data.get("reference"):
+        data.pop("reference", None)
+    return data
+
+
+def _parts(study: Study) -> Parts:
+    return Parts(
+        track=study.track_table,
+        profile=study.profile,
+        limit=study.limit,
+        economics=study.economics,
+        calibration=study.calibration,
+        trains=study.train_tables,
+        train_names=tuple(study.train_tables),
+        scenario_names=study.scenario_names,
+        variant_names=study.variant_names,
+        scenarios=dict(enumerate(study.scenarios)),
+        variants=dict(enumerate(study.variants)),
+        reference=dict(enumerate(study.reference)),
+    )
+
+
+Named = TypeVar("Named", ScenarioTable, VariantTable)
+
+
+def _named(name: str, kind: str, tables: Iterable[Named]) -> Named:
+    found = {table.name: table for table in tables}
+    if name not in found:
+        raise InputError(f"'{name}' is no {kind} of this study; {suggestion(name, found)}")
+    return found[name]

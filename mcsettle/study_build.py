@@ -1,0 +1,261 @@
+"""From the tables of a study to the objects of the model, and back to fully written-out tables.
+
+A table overrides a named preset key by key. Each map below says which attribute of a domain object
+a key stands for (a dotted path) and the factor that takes it into SI; read forwards it builds the
+object, read backwards it writes every value of the preset into the table.
+
+Depends on: settlement, study_schema, track, traffic, units, vehicle.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, is_dataclass, replace
+from typing import Any, TypeVar
+
+from pydantic import BaseModel
+
+from mcsettle.settlement import SettlementModel
+from mcsettle.study_schema import (
+    LayerTable,
+    ScenarioTable,
+    SettlementTable,
+    TrackTable,
+    TrainTable,
+    VariantTable,
+)
+from mcsettle.track import TRACKS, BeamTrack, Layer, SectionTrack, Track
+from mcsettle.traffic import Service, Timetable, Train
+from mcsettle.units import KMH, TONNE
+from mcsettle.vehicle import VEHICLES, Vehicle
+
+T = TypeVar("T")
+Paths = Mapping[str, tuple[str, float]]
+
+LAYER_PATHS: Paths = {
+    "height_m": ("height", 1.0),
+    "width_m": ("width", 1.0),
+    "youngs_modulus_pa": ("material.youngs_modulus", 1.0),
+    "poisson": ("material.poisson", 1.0),
+    "density_kg_per_m3": ("material.density", 1.0),
+    "damping": ("material.damping", 1.0),
+    "k0": ("k0", 1.0),
+    "ballast_coefficient_per_mpa2": ("law.coefficient", 1.0),
+    "ballast_log_slope": ("law.log_slope", 1.0),
+    "settlement_a": ("law.a", 1.0),
+    "settlement_b": ("law.b", 1.0),
+    "settlement_m": ("law.m", 1.0),
+    "strength_pa": ("law.strength", 1.0),
+}
+RAIL_PATHS: Paths = {
+    "youngs_modulus_pa": ("youngs_modulus", 1.0),
+    "second_moment_m4": ("second_moment", 1.0),
+    "area_m2": ("area", 1.0),
+    "density_kg_per_m3": ("density", 1.0),
+    "damping": ("damping", 1.0),
+    "offset_m": ("offset", 1.0),
+}
+PAD_PATHS: Paths = {
+    "stiffness_n_per_m2": ("stiffness", 1.0),
+    "damping_ns_per_m2": ("damping", 1.0),
+}
+SLEEPER_PATHS: Paths = {
+    "length_m": ("length", 1.0),
+    "height_m": ("height", 1.0),
+    "width_m": ("width", 1.0),
+    "spacing_m": ("spacing", 1.0),
+    "youngs_modulus_pa": ("material.youngs_modulus", 1.0),
+    "density_kg_per_m3": ("material.density", 1.0),
+}
+SUPPORT_PATHS: Paths = {
+    "stiffness_n_per_m2": ("support_stiffness", 1.0),
+    "loss_factor": ("support_damping", 1.0),
+    "sleeper_length_m": ("sleeper_length", 1.0),
+    "poisson": ("poisson", 1.0),
+}
+VEHICLE_PATHS: Paths = {
+    "model": ("model", 1.0),
+    "car_length_m": ("length", 1.0),
+    "bogie_spacing_m": ("bogie_spacing", 1.0),
+    "axle_spacing_m": ("axle_spacing", 1.0),
+    "axle_load_t": ("axle_load", TONNE),
+    "body_mass_kg": ("body_mass", 1.0),
+    "body_inertia_kg_m2": ("body_inertia", 1.0),
+    "bogie_mass_kg": ("bogie_mass", 1.0),
+    "bogie_inertia_kg_m2": ("bogie_inertia", 1.0),
+    "wheelset_mass_kg": ("wheelset_mass", 1.0),
+    "primary_stiffness_n_per_m": ("primary.stiffness", 1.0),
+    "primary_damping_ns_per_m": ("primary.damping", 1.0),
+    "secondary_stiffness_n_per_m": ("secondary.stiffness", 1.0),
+    "secondary_damping_ns_per_m": ("secondary.damping", 1.0),
+}
+SETTLEMENT_KEYS = tuple(SettlementTable.model_fields)
+
+
+@dataclass(frozen=True)
+class SettlementSettings:
+    """The ``[settlement]`` keys of one variant, with its overrides applied.
+
+    Cycle counts are axle passages; ``integration_depth_m`` [m] starts at the subgrade surface.
+    """
+
+    stress: str
+    cycles: str
+    ballast_cycles_before: float
+    subgrade_cycles_before: float
+    cycles_per_passage: float
+    settlement_factor: float
+    integration_depth_m: float
+
+    def model(self, track: Track) -> SettlementModel:
+        """The settlement model of ``track`` under these settings."""
+        values = asdict(self)
+        del values["integration_depth_m"]
+        return SettlementModel(tuple(layer.law for layer in track.layers), **values)
+
+
+def build_track(table: TrackTable, variant: VariantTable | None = None) -> Track:
+    """The track of a study, with the layers of ``variant`` laid over its own.
+
+    Raises
+    ------
+    ValueError
+        A key that the preset has no place for, or a geometry the track refuses.
+    """
+    preset = TRACKS[table.preset_name]
+    layers = _layers(preset.layers, table.layers)
+    if variant is not None:
+        layers = _layers(layers, variant.layers)
+    rail = overridden(preset.rail, table.rail, RAIL_PATHS)
+    if isinstance(preset, BeamTrack):
+        beam = overridden(preset, table.support, SUPPORT_PATHS)
+        return replace(beam, layers=layers, rail=rail)
+    return replace(
+        preset,
+        layers=layers,
+        rail=rail,
+        pad=overridden(preset.pad, table.pad, PAD_PATHS),
+        sleeper=overridden(preset.sleeper, table.sleeper, SLEEPER_PATHS),
+        damping_convention=table.damping_convention,
+    )
+
+
+def build_train(name: str, table: TrainTable) -> Train:
+    """The train ``name``: alike cars, each the named vehicle with its overrides.
+
+    Raises
+    ------
+    ValueError
+        A suspension stage the vehicle does not have.
+    """
+    car = overridden(VEHICLES[table.vehicle], table, VEHICLE_PATHS)
+    return Train(name, (car,) * table.cars)
+
+
+def build_timetable(scenario: ScenarioTable, trains: Mapping[str, Train]) -> Timetable:
+    """The ordered day of ``scenario``; speeds become m/s."""
+    services = tuple(
+        Service(trains[entry.train], entry.speed_kmh * KMH, entry.per_day)
+        for entry in scenario.timetable
+    )
+    return Timetable(services)
+
+
+def settlement_settings(table: SettlementTable, variant: VariantTable) -> SettlementSettings:
+    """The settlement settings of ``variant``: its own keys, else the study's."""
+    own = {key: getattr(variant, key) for key in SETTLEMENT_KEYS}
+    common = {key: getattr(table, key) for key in SETTLEMENT_KEYS}
+    return SettlementSettings(**{k: common[k] if v is None else v for k, v in own.items()})
+
+
+def resolved_track(table: TrackTable) -> TrackTable:
+    """``table`` with every value of its preset written out."""
+    track = build_track(table)
+    tables: dict[str, Any] = {
+        "preset": table.preset_name,
+        "rail": described(track.rail, RAIL_PATHS),
+        "layers": {layer.name: described(layer, LAYER_PATHS) for layer in track.layers},
+    }
+    if isinstance(track, SectionTrack):
+        tables["pad"] = described(track.pad, PAD_PATHS)
+        tables["sleeper"] = described(track.sleeper, SLEEPER_PATHS)
+    else:
+        tables["support"] = described(track, SUPPORT_PATHS)
+    return TrackTable.model_validate(table.model_dump() | tables)
+
+
+def resolved_train(table: TrainTable) -> TrainTable:
+    """``table`` with every value of its vehicle written out (its own values untouched)."""
+    vehicle: Vehicle = VEHICLES[table.vehicle]
+    own = table.model_dump(exclude_none=True)
+    return TrainTable.model_validate(described(vehicle, VEHICLE_PATHS) | own)
+
+
+def resolved_variant(table: VariantTable, settlement: SettlementTable) -> VariantTable:
+    """``table`` with the settlement keys it inherits written out."""
+    settings = asdict(settlement_settings(settlement, table))
+    return VariantTable.model_validate(table.model_dump(exclude_none=True) | settings)
+
+
+def overridden(domain_object: T, table: BaseModel, paths: Paths) -> T:
+    """Copy of a domain object with the values that ``table`` gives.
+
+    Raises
+    ------
+    ValueError
+        ``table`` gives a value the object has no attribute for, or the object refuses one.
+    """
+    changes = {
+        path: (key, value if isinstance(value, str) else value * factor)
+        for key, (path, factor) in paths.items()
+        if (value := getattr(table, key)) is not None
+    }
+    return _changed(domain_object, changes)
+
+
+def described(domain_object: Any, paths: Paths) -> dict[str, Any]:
+    """The keys ``paths`` gives to an object's values; absent and infinite ones left out."""
+    found = {}
+    for key, (path, factor) in paths.items():
+        value = domain_object
+        for attribute in path.split("."):
+            value = getattr(value, attribute, None)
+        if value is not None and value != math.inf:
+            found[key] = value if isinstance(value, str) else value / factor
+    return found
+
+
+def _layers(layers: tuple[Layer, ...], tables: Mapping[str, LayerTable]) -> tuple[Layer, ...]:
+    """Layers with the overrides of ``tables``, by name; a layer keeps its kind and its law."""
+    return tuple(
+        _layer(layer, tables[layer.name]) if layer.name in tables else layer for layer in layers
+    )
+
+
+def _layer(layer: Layer, table: LayerTable) -> Layer:
+    if table.height_m is not None and math.isinf(layer.height):
+        raise ValueError(f"layer '{layer.name}' is the half-space: leave out height_m")
+    if table.width_m is not None and layer.width is None:
+        raise ValueError(f"layer '{layer.name}' is unbounded ground: leave out width_m")
+    return overridden(layer, table, LAYER_PATHS)
+
+
+def _changed(target: T, changes: Mapping[str, tuple[str, Any]]) -> T:
+    """Copy of a frozen dataclass with dotted paths replaced; values are (key, value)."""
+    values: dict[str, Any] = {}
+    nested: dict[str, dict[str, tuple[str, Any]]] = {}
+    for path, (key, value) in changes.items():
+        head, _, rest = path.partition(".")
+        part = getattr(target, head, None)
+        if rest and not (is_dataclass(part) and hasattr(part, rest)):
+            raise ValueError(f"'{_name(target)}' has no {key}: leave it out")
+        if rest:
+            nested.setdefault(head, {})[rest] = (key, value)
+        else:
+            values[head] = value
+    for head, inner in nested.items():
+        values[head] = _changed(getattr(target, head), inner)
+    return replace(target, **values) if values else target  # type: ignore[type-var]
+
+
+def _name(target: object) -> str:
+    return str(getattr(target, "name", type(target).__name__))

@@ -1,0 +1,275 @@
+"""What the tables of a study must satisfy together: names that meet, geometry, physics.
+
+Each check looks only at tables that are themselves sound (the others are None or left out), so that
+one reading of a study reports all of its faults. Warnings are remarks on a study that will run.
+
+Depends on: study_build, study_faults, study_schema, track, traffic, units.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from mcsettle.study_build import build_track, build_train
+from mcsettle.study_faults import Fault, dotted, shown, suggestion
+from mcsettle.study_schema import (
+    CalibrationTable,
+    EconomicsTable,
+    LayerTable,
+    LimitTable,
+    ProfileTable,
+    ReferenceTable,
+    ScenarioTable,
+    TrackTable,
+    TrainTable,
+    VariantTable,
+)
+from mcsettle.track import TRACKS, BeamTrack, Material, Track
+from mcsettle.units import KMH, MGT, TONNE
+from mcsettle.vehicle import VEHICLES
+
+NEAR_CRITICAL = 0.8
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The sound tables of a study; entries of lists keep their place in the file."""
+
+    track: TrackTable | None = None
+    profile: ProfileTable | None = None
+    limit: LimitTable | None = None
+    economics: EconomicsTable | None = None
+    calibration: CalibrationTable | None = None
+    trains: Mapping[str, TrainTable] = field(default_factory=dict)
+    train_names: tuple[str, ...] = ()
+    scenario_names: tuple[str, ...] = ()
+    variant_names: tuple[str, ...] = ()
+    scenarios: Mapping[int, ScenarioTable] = field(default_factory=dict)
+    variants: Mapping[int, VariantTable] = field(default_factory=dict)
+    reference: Mapping[int, ReferenceTable] = field(default_factory=dict)
+
+
+def faults_between(parts: Parts) -> list[Fault]:
+    """Every fault that shows only when tables are read together."""
+    checks = (_names, _geometry, _trains, _profile, _economics, _speeds)
+    return [fault for check in checks for fault in check(parts)]
+
+
+def warnings_of(parts: Parts) -> list[str]:
+    """Remarks on a study that will run: speeds near or above a wave speed."""
+    remarks = []
+    for path, speed, name, limit, _ in _speed_limits(parts):
+        if speed > NEAR_CRITICAL * limit:
+            relation = "above" if speed > limit else f"above {NEAR_CRITICAL:.0%} of"
+            remarks.append(
+                f"{path}: {speed / KMH:g} km/h is {relation} the Rayleigh speed of '{name}' "
+                f"({limit / KMH:.0f} km/h)"
+            )
+    return remarks
+
+
+def rayleigh_speed(material: Material) -> float:
+    """Speed of Rayleigh waves on a half-space of ``material`` [m/s].
+
+    The root below 1 of (2 − ξ²)² = 4 √(1 − ξ²) √(1 − κ²ξ²), with ξ = c/c_S and κ = c_S/c_P.
+
+    >>> round(rayleigh_speed(Material(2.5e8, 0.25, 1000.0, 0.0)) / (1e5 / 1e3) ** 0.5 / 31.6228, 4)
+    0.9194
+    """
+    ratio = (material.shear_wave_speed / material.pressure_wave_speed) ** 2
+
+    def residual(square: float) -> float:
+        root = ((1.0 - square) * (1.0 - ratio * square)) ** 0.5
+        return float((2.0 - square) ** 2 - 4.0 * root)
+
+    low, high = 0.2, 1.0  # the residual is negative below the root and 1 at ξ = 1
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if residual(middle) < 0.0 else (low, middle)
+    return float(material.shear_wave_speed * low**0.5)
+
+
+def _names(parts: Parts) -> Iterator[Fault]:
+    yield from _duplicates("scenarios", parts.scenarios)
+    yield from _duplicates("variants", parts.variants)
+    for index, scenario in parts.scenarios.items():
+        for entry, service in enumerate(scenario.timetable):
+            path = dotted(("scenarios", index, "timetable", entry, "train"))
+            yield from _unknown(path, "train", service.train, parts.train_names)
+    for index, row in parts.reference.items():
+        path = dotted(("reference", index, "scenario"))
+        yield from _unknown(path, "scenario", row.scenario, parts.scenario_names)
+    if parts.economics is not None:
+        name = parts.economics.baseline
+        yield from _unknown("economics.baseline", "scenario", name, parts.scenario_names)
+    if parts.calibration is not None and not parts.calibration.study:
+        name = parts.calibration.scenario
+        yield from _unknown("calibration.scenario", "scenario", name, parts.scenario_names)
+        if parts.calibration.variant is not None:
+            name = parts.calibration.variant
+            yield from _unknown("calibration.variant", "variant", name, parts.variant_names)
+
+
+def _duplicates(
+    key: str, entries: Mapping[int, ScenarioTable] | Mapping[int, VariantTable]
+) -> Iterator[Fault]:
+    counts = Counter(entry.name for entry in entries.values())
+    for index, entry in entries.items():
+        if counts[entry.name] > 1:
+            path = dotted((key, index, "name"))
+            yield Fault(path, f"received {shown(entry.name)} more than once; names must differ")
+
+
+def _unknown(
+    path: str, kind: str, name: str, known: list[str] | tuple[str, ...]
+) -> Iterator[Fault]:
+    if name not in known:
+        yield Fault(
+            path, f"received {shown(name)}, which is no {kind} here; {suggestion(name, known)}"
+        )
+
+
+def _geometry(parts: Parts) -> Iterator[Fault]:
+    if parts.track is None:
+        return
+    table = parts.track
+    if table.preset is not None and (table.preset == "beam") != (table.model == "beam"):
+        accepted = "'beam'" if table.model == "beam" else "'case_study' or 'validation'"
+        message = (
+            f"received {shown(table.preset)}; with model = {shown(table.model)} it is {accepted}"
+        )
+        yield Fault("track.preset", message)
+        return
+    unused = ("pad", "sleeper") if table.model == "beam" else ("support",)
+    for key in unused:
+        if getattr(table, key).model_dump(exclude_none=True):
+            yield Fault(
+                f"track.{key}", f"has no meaning with model = {shown(table.model)}; leave it out"
+            )
+    known = [layer.name for layer in TRACKS[table.preset_name].layers]
+    yield from _unknown_layers("track.layers", table.layers, known)
+    yield from _buildable("track", table, None)
+    for index, variant in parts.variants.items():
+        path = dotted(("variants", index))
+        yield from _unknown_layers(f"{path}.layers", variant.layers, known)
+        if variant.layers:
+            yield from _buildable(path, table, variant)
+
+
+def _unknown_layers(
+    path: str, tables: Mapping[str, LayerTable], known: list[str]
+) -> Iterator[Fault]:
+    for name in tables:
+        if name not in known:
+            yield Fault(f"{path}.{name}", f"is no layer of this track; {suggestion(name, known)}")
+
+
+def _buildable(path: str, table: TrackTable, variant: VariantTable | None) -> Iterator[Fault]:
+    try:
+        build_track(table, variant)
+    except ValueError as error:
+        yield Fault(path, str(error))
+
+
+def _trains(parts: Parts) -> Iterator[Fault]:
+    for name, table in parts.trains.items():
+        try:
+            build_train(name, table)
+        except ValueError as error:
+            yield Fault(f"trains.{name}", str(error))
+
+
+def _profile(parts: Parts) -> Iterator[Fault]:
+    profile, limit = parts.profile, parts.limit
+    if profile is None:
+        return
+    if profile.longest_m <= profile.shortest_m:
+        message = (
+            f"received {profile.longest_m:g}; it must exceed shortest_m = {profile.shortest_m:g}"
+        )
+        yield Fault("profile.longest_m", message)
+    if profile.window_m < 2.0 * profile.longest_m:
+        message = (
+            f"received {profile.window_m:g}; it must hold longest_m = {profile.longest_m:g} twice"
+        )
+        yield Fault("profile.window_m", message)
+    if limit is not None and profile.sd_mm is not None and limit.sd_limit_mm <= profile.sd_mm:
+        message = (
+            f"received {limit.sd_limit_mm:g}; it must exceed profile.sd_mm = {profile.sd_mm:g}"
+        )
+        yield Fault("limit.sd_limit_mm", message)
+
+
+def _economics(parts: Parts) -> Iterator[Fault]:
+    """The effect needs one speed a scenario, and a change against the baseline."""
+    economics = parts.economics
+    if economics is None:
+        return
+    changes = {}
+    for index, scenario in parts.scenarios.items():
+        path = dotted(("scenarios", index, "timetable"))
+        speeds = sorted({service.speed_kmh for service in scenario.timetable})
+        if economics.effect == "speed" and len(speeds) > 1:
+            message = (
+                f"received the speeds {speeds}; with economics.effect = 'speed' it must be one"
+            )
+            yield Fault(path, message)
+        elif economics.effect == "speed":
+            changes[scenario.name] = (path, speeds[0])
+        elif all(service.train in parts.trains for service in scenario.timetable):
+            changes[scenario.name] = (path, _tonnage(scenario, parts))
+    base = changes.get(economics.baseline)
+    for name, (path, value) in changes.items():
+        if base is not None and name != economics.baseline and value == base[1]:
+            message = f"has the same {economics.effect} as the baseline '{economics.baseline}': "
+            yield Fault(path, message + f"there is no effect of {economics.effect} to price")
+
+
+def _tonnage(scenario: ScenarioTable, parts: Parts) -> float:
+    """Gross tonnes a day of ``scenario``; its trains are sound tables."""
+    if scenario.mgt_per_day is not None:
+        return scenario.mgt_per_day * MGT / TONNE
+    total = 0.0
+    for service in scenario.timetable:
+        table = parts.trains[service.train]
+        load = table.axle_load_t or VEHICLES[table.vehicle].axle_load / TONNE
+        total += 4.0 * table.cars * load * service.per_day
+    return total
+
+
+def _speeds(parts: Parts) -> Iterator[Fault]:
+    if _allowed(parts):
+        return
+    for path, speed, name, limit, lowest in _speed_limits(parts):
+        if lowest and speed > limit:
+            yield Fault(
+                path,
+                f"received {speed / KMH:g}; '{name}' has Rayleigh speed {limit / KMH:.0f} km/h: "
+                "stay below, or set track.allow_supercritical = true",
+            )
+
+
+def _allowed(parts: Parts) -> bool:
+    return parts.track is not None and parts.track.allow_supercritical
+
+
+def _speed_limits(parts: Parts) -> Iterator[tuple[str, float, str, float, bool]]:
+    """(path, speed, layer, its Rayleigh speed, whether lowest) for every service, SI."""
+    track = _sound_track(parts)
+    if track is None or isinstance(track, BeamTrack):
+        return
+    limits = [(layer.name, rayleigh_speed(layer.material)) for layer in track.layers]
+    for index, scenario in parts.scenarios.items():
+        for entry, service in enumerate(scenario.timetable):
+            path = dotted(("scenarios", index, "timetable", entry, "speed_kmh"))
+            for depth, (name, limit) in enumerate(limits):
+                yield path, service.speed_kmh * KMH, name, limit, depth == len(limits) - 1
+
+
+def _sound_track(parts: Parts) -> Track | None:
+    if parts.track is None:
+        return None
+    try:
+        return build_track(parts.track)
+    except ValueError:
+        return None

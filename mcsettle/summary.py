@@ -1,0 +1,184 @@
+"""From the tables of a finished run to the numbers that answer the study's question.
+
+Every number is an ``Estimate`` with its Monte Carlo error and its censored count. The spread
+between realisations (P5 to P95) is what differs between track sections; the standard error is what
+a larger sample would shrink.
+
+Depends on: errors, estimate, store, study, study_schema.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from mcsettle import store
+from mcsettle.errors import InputError
+from mcsettle.estimate import Estimate, Statistic, summarise_effects, summarise_intervals
+from mcsettle.study import Study, load_study
+from mcsettle.study_schema import ReferenceTable
+
+STUDY_FILE = "study.toml"
+INTERVAL = "tamping_interval_days"
+GROWTH = "sd_growth_1y_mm"
+
+
+@dataclass(frozen=True)
+class Results:
+    """A finished run: its study and its tables (``history`` and ``effects`` may be empty)."""
+
+    study: Study
+    realisations: pd.DataFrame
+    history: pd.DataFrame
+    effects: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class SummaryRow:
+    """One metric of one scenario in one variant, and the published value beside it.
+
+    ``statistics``: P5, P50, P95 and a mean. ``reference_percent``: share of the realisations [%]
+    below the published value (a censored one counts as above it), None without one.
+    """
+
+    variant: str
+    scenario: str
+    metric: str
+    unit: str
+    statistics: tuple[Statistic, ...]
+    reference: ReferenceTable | None = None
+    reference_percent: float | None = None
+
+    def at(self, level: float) -> Estimate:
+        """The quantile at ``level`` (one of ``estimate.LEVELS``)."""
+        return next(s.estimate for s in self.statistics if s.level == level)
+
+
+def read_results(folder: Path) -> Results:
+    """Read the tables that a run has left in ``folder``.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist, or holds no finished run.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder; 'mcsettle run STUDY --out {folder}' makes one")
+    realisations = _table(folder, "realisations")
+    if realisations.empty or not (folder / STUDY_FILE).is_file():
+        raise InputError(
+            f"{folder} holds no finished run (realisations/ and {STUDY_FILE}); "
+            f"'mcsettle run STUDY --out {folder}' makes one"
+        )
+    study = load_study(folder / STUDY_FILE)
+    return Results(study, realisations, _table(folder, "history"), _table(folder, "effects"))
+
+
+def summary_rows(results: Results) -> list[SummaryRow]:
+    """Every metric of every variant and scenario, in the order of the study."""
+    return [
+        row
+        for variant in results.study.variant_names
+        for scenario in results.study.scenario_names
+        for row in _rows_of(results, variant, scenario)
+    ]
+
+
+def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
+    table = _part(results.realisations, variant, scenario)
+    if table.empty or (table["status"] == "failed").all():
+        return
+    days = table[INTERVAL].to_numpy(dtype=float, na_value=np.nan)
+    ends = table["censored_at_days"].to_numpy(dtype=float, na_value=np.nan)
+    intervals = tuple(summarise_intervals(days, ends))
+    failed = (table["status"] == "failed").to_numpy()
+    yield _with_reference(results, variant, scenario, INTERVAL, intervals, days[~failed])
+    yield from _growth_rows(results, variant, scenario, table[~failed])
+    yield from _effect_rows(results, variant, scenario)
+
+
+def _growth_rows(
+    results: Results, variant: str, scenario: str, table: pd.DataFrame
+) -> Iterator[SummaryRow]:
+    """Growth of the SD [mm] after a year and after the days the reference gives."""
+    to_limit = (results.study.limit.sd_limit_mm - table["sd_initial_mm"]).to_numpy(dtype=float)
+    year = table[GROWTH].to_numpy(dtype=float, na_value=np.nan)
+    yield _with_reference(results, variant, scenario, GROWTH, _growth(year, to_limit), year)
+    published = _reference(results.study, INTERVAL, scenario)
+    history = _part(results.history, variant, scenario)
+    if published is None or history.empty:
+        return
+    keys = ["parameter_set", "realisation"]
+    then = history[history["day"] == published.value].set_index(keys)["sd_mm"]
+    start = table.set_index(keys)["sd_initial_mm"]
+    growth = (then.reindex(start.index) - start).to_numpy(dtype=float)
+    if np.all(np.isnan(growth)):
+        return
+    metric = f"sd_growth_{published.value:g}d_mm"
+    yield SummaryRow(variant, scenario, metric, "mm", _growth(growth, to_limit))
+
+
+def _growth(growth: np.ndarray, to_limit: np.ndarray) -> tuple[Statistic, ...]:
+    """Quantiles of SD growth; where the limit came first, growth is censored at the limit."""
+    ends = np.where(np.isnan(growth), to_limit, np.nan)
+    rows = []
+    for row in summarise_intervals(growth, ends):
+        if row.level is not None:
+            note = "the limit comes first" if row.estimate.value is None else ""
+            rows.append(replace(row, estimate=replace(row.estimate, unit="mm", note=note)))
+    return tuple(rows)
+
+
+def _effect_rows(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
+    """Paired effects against the baseline: reduction, elasticity, marginal cost."""
+    if results.effects.empty:
+        return
+    change = results.study.change(scenario)
+    table = _part(results.effects, variant, scenario)
+    table = table[table["status"] != "failed"] if not table.empty else table
+    if table.empty or change is None:
+        return
+    units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
+    for metric, unit in units.items():
+        values = table[metric].to_numpy(dtype=float, na_value=np.nan)
+        statistics = tuple(summarise_effects(values, unit))
+        yield _with_reference(results, variant, scenario, metric, statistics, values)
+
+
+def _with_reference(
+    results: Results,
+    variant: str,
+    scenario: str,
+    metric: str,
+    statistics: tuple[Statistic, ...],
+    values: np.ndarray,
+) -> SummaryRow:
+    """The row of ``metric`` with the published value; NaN among ``values`` lies above it."""
+    unit = statistics[0].estimate.unit
+    row = SummaryRow(variant, scenario, metric, unit, statistics)
+    published = _reference(results.study, metric, scenario)
+    if published is None or not len(values):
+        return row
+    percent = 100.0 * float(np.mean(values < published.value))
+    return replace(row, reference=published, reference_percent=percent)
+
+
+def _reference(study: Study, metric: str, scenario: str) -> ReferenceTable | None:
+    rows = (r for r in study.reference if r.metric == metric and r.scenario == scenario)
+    return next(rows, None)
+
+
+def _part(table: pd.DataFrame, variant: str, scenario: str) -> pd.DataFrame:
+    """Rows of one variant and scenario."""
+    if table.empty:
+        return table
+    return table[(table["variant"] == variant) & (table["scenario"] == scenario)]
+
+
+def _table(folder: Path, name: str) -> pd.DataFrame:
+    """The table ``name`` of a run, empty where it was not written."""
+    if not (folder / name).is_dir() or not any((folder / name).iterdir()):
+        return pd.DataFrame()
+    return store.read(folder, name).to_pandas()

@@ -1,0 +1,144 @@
+"""The result tables: columns, types, units, meaning. Data dictionary and Arrow schemas follow.
+
+One row per thing. A unit stands in the column's name, in the Arrow field's metadata and in the data
+dictionary. The keys of a table name a row once and for all.
+
+Depends on: nothing of the package.
+"""
+
+from dataclasses import dataclass
+
+import pyarrow as pa
+
+TEXT, COUNT, NUMBER = pa.string(), pa.int64(), pa.float64()
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: ``unit`` is "1" for a number without dimension and "" where none applies."""
+
+    name: str
+    type: pa.DataType
+    unit: str
+    meaning: str
+    nullable: bool = False
+
+    @property
+    def field(self) -> pa.Field:
+        """The Arrow field, with unit and meaning in its metadata."""
+        metadata = {"unit": self.unit, "description": self.meaning}
+        return pa.field(self.name, self.type, self.nullable, metadata)
+
+
+@dataclass(frozen=True)
+class TableShape:
+    """A table's columns in order; the first ``n_keys`` of them are its keys."""
+
+    columns: tuple[Column, ...]
+    n_keys: int
+
+    @property
+    def schema(self) -> pa.Schema:
+        """Arrow schema without file metadata."""
+        return pa.schema([column.field for column in self.columns])
+
+    @property
+    def keys(self) -> list[str]:
+        """Names of the key columns."""
+        return [column.name for column in self.columns[: self.n_keys]]
+
+
+_SCENE = (
+    Column("variant", TEXT, "", "variant of the study's settings"),
+    Column("scenario", TEXT, "", "scenario of the study: a timetable"),
+)
+_SET = Column(
+    "parameter_set", pa.int32(), "", "draw of the uncertain inputs; 0 if none is uncertain"
+)
+_REALISATION = Column(
+    "realisation", COUNT, "", "realisation index; the same index is the same initial track"
+)
+
+TABLES = {
+    "realisations": TableShape(
+        (
+            *_SCENE,
+            _SET,
+            _REALISATION,
+            Column("status", TEXT, "", "reached, censored (horizon came first) or failed"),
+            Column("tamping_interval_days", NUMBER, "d", "time to reach the SD limit", True),
+            Column(
+                "censored_at_days", NUMBER, "d", "horizon, where the limit was not reached", True
+            ),
+            Column("passages", COUNT, "1", "axle passages to the end"),
+            Column("tonnage_mgt", NUMBER, "MGT", "gross tonnage to the end"),
+            Column("sd_initial_mm", NUMBER, "mm", "SD of the profile at the start"),
+            Column("sd_final_mm", NUMBER, "mm", "SD of the profile at the end"),
+            Column("mean_settlement_mm", NUMBER, "mm", "uniform settlement to the end"),
+            Column("sd_growth_1y_mm", NUMBER, "mm", "growth of SD in the first 365 days", True),
+            Column("failure", TEXT, "", "why a failed realisation failed", True),
+        ),
+        4,
+    ),
+    "history": TableShape(
+        (
+            *_SCENE,
+            _SET,
+            _REALISATION,
+            Column("day", NUMBER, "d", "time since the start"),
+            Column("sd_mm", NUMBER, "mm", "SD of the profile"),
+        ),
+        5,
+    ),
+    "effects": TableShape(
+        (
+            *_SCENE,
+            Column("baseline", TEXT, "", "scenario it is compared with, on the same tracks"),
+            _SET,
+            _REALISATION,
+            Column("status", TEXT, "", "paired, censored (either interval) or failed (either)"),
+            Column("effect", TEXT, "", "what the scenario changes: speed or tonnage"),
+            Column("reduction_percent", NUMBER, "%", "reduction of the tamping interval", True),
+            Column("elasticity", NUMBER, "1", "deterioration elasticity", True),
+            Column(
+                "marginal_cost",
+                NUMBER,
+                "GBP per km/h per 1000 train-km (speed) or per 1000 tonne-km (tonnage)",
+                "marginal cost of tamping",
+                True,
+            ),
+        ),
+        5,
+    ),
+    "summary": TableShape(
+        (
+            *_SCENE,
+            Column("metric", TEXT, "", "what is estimated: a column of another table"),
+            Column("statistic", TEXT, "", "quantile, mean or restricted_mean"),
+            Column("level", NUMBER, "1", "level of a quantile", True),
+            Column("value", NUMBER, "see unit", "estimate; null where not identified", True),
+            Column("lo", NUMBER, "see unit", "lower 95 % confidence limit; null: open", True),
+            Column("hi", NUMBER, "see unit", "upper 95 % confidence limit; null: open", True),
+            Column("standard_error", NUMBER, "see unit", "Monte Carlo error; null: unknown", True),
+            Column("n", COUNT, "1", "realisations behind the estimate"),
+            Column("n_censored", COUNT, "1", "of them censored"),
+            Column("unit", TEXT, "", "unit of value, limits and error"),
+            Column("note", TEXT, "", "what to know about this estimate; may be empty"),
+        ),
+        5,
+    ),
+}
+
+
+def data_dictionary() -> str:
+    """CSV text: table, column, type, unit, nullable, key, description, one line a column."""
+    lines = ["table,column,type,unit,nullable,key,description"]
+    for name, shape in TABLES.items():
+        for column in shape.columns:
+            key = "yes" if column.name in shape.keys else "no"
+            nullable = "yes" if column.nullable else "no"
+            lines.append(
+                f'{name},{column.name},{column.type},"{column.unit}",{nullable},{key},'
+                f'"{column.meaning}"'
+            )
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,146 @@
+"""Imports point one way, Taichi lives in one directory, and the build map equals the tree."""
+
+import ast
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = {"mcsettle": "mcsettle", "kernels": "mcsettle.kernels", "cli": "mcsettle.cli"}
+# Each name may import those on the lines above it, and its own line; a folder stands for its files.
+LAYERS = (
+    ("errors", "units"),
+    ("track", "vehicle", "traffic", "irregularity", "files", "tables"),
+    ("transfer", "transfer_file", "halfspace", "settlement", "stress", "roughness", "stepping"),
+    ("fem25d", "beam", "interaction", "economics", "estimate", "store"),
+    ("kernels",),
+    ("passage", "spectral", "pointwise", "clock", "case"),
+    ("march", "jump", "engine"),
+    ("study_units", "study_schema", "study_build", "study_faults", "study_checks", "study_text"),
+    ("study_read",),
+    ("study",),
+    ("summary", "step_a", "pipeline"),
+    ("calibration",),
+    ("cli",),
+)
+RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
+
+
+def sources() -> list[tuple[str, Path]]:
+    """(module name as installed, file) of every source file."""
+    found = []
+    for folder, package in PACKAGES.items():
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            parts = path.relative_to(ROOT / folder).with_suffix("").parts
+            found.append((".".join([package, *(p for p in parts if p != "__init__")]), path))
+    return found
+
+
+SOURCES = sources()
+
+
+def imported(path: Path) -> set[str]:
+    """Every module that ``path`` imports, outside ``if TYPE_CHECKING``."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    hidden = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        for inner in ast.walk(node)
+    }
+    names: set[str] = set()
+    for node in set(ast.walk(tree)) - hidden:
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            own = f"{PACKAGES[path.relative_to(ROOT).parts[0]]}." if node.level else ""
+            names |= {f"{own}{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def layer_of(module: str) -> str:
+    return module.split(".")[1] if "." in module else ""
+
+
+@pytest.mark.parametrize(("module", "path"), SOURCES, ids=[m for m, _ in SOURCES])
+def test_imports_point_one_way(module: str, path: Path) -> None:
+    own = layer_of(module)
+    if not own:  # the package itself names everything, lazily
+        return
+    assert own in RANK, f"{own} has no place in LAYERS: add it where it belongs"
+    for name in imported(path):
+        if name.startswith("mcsettle.") and layer_of(name) in RANK:
+            assert RANK[layer_of(name)] <= RANK[own], f"{module} imports {name} from above"
+
+
+@pytest.mark.parametrize(("module", "path"), SOURCES, ids=[m for m, _ in SOURCES])
+def test_only_kernels_import_taichi_and_nothing_is_imported_bare(module: str, path: Path) -> None:
+    tops = {name.split(".")[0] for name in imported(path)}
+    if layer_of(module) != "kernels":
+        assert "taichi" not in tops
+    assert not tops & {"kernels", "cli"}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "tests").rglob("*.py")), ids=lambda p: p.name)
+def test_tests_import_nothing_bare(path: Path) -> None:
+    assert not {name.split(".")[0] for name in imported(path)} & {"kernels", "cli"}
+
+
+def test_no_postponed_annotations_in_kernels() -> None:
+    for module, path in SOURCES:
+        if layer_of(module) == "kernels":
+            assert "__future__.annotations" not in imported(path), path
+
+
+def test_package_list_equals_the_tree() -> None:
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "setuptools"
+    ]
+    folders = {path.parent.relative_to(ROOT) for _, path in SOURCES}
+    tree = {
+        ".".join([PACKAGES[folder.parts[0]], *folder.parts[1:]])
+        for folder in folders
+        if folder.parts
+    }
+    assert set(build["packages"]) == tree
+    assert build["package-dir"] == {package: folder for folder, package in PACKAGES.items()}
+
+
+def test_versions_agree() -> None:
+    import mcsettle
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["version"] == mcsettle.__version__
+
+
+LOADED = (
+    "import sys; {}; "
+    "print(sorted({{m.split('.')[0] for m in sys.modules}} & {{'taichi', 'numpy'}}))"
+)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import mcsettle",
+        "import mcsettle.cli.app as a; from typer.testing import CliRunner;"
+        " assert CliRunner().invoke(a.app, ['--help']).exit_code == 0",
+    ],
+    ids=["import", "help"],
+)
+def test_import_and_help_load_neither_taichi_nor_numpy(statement: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED.format(statement)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_study_is_read_without_taichi(toy_path: Path) -> None:
+    statement = f"from mcsettle import load_study; load_study({str(toy_path)!r}).trains"
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED.format(statement)], capture_output=True, text=True, check=True
+    )
+    assert "taichi" not in done.stdout
