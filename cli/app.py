@@ -3,7 +3,8 @@
 Everything heavy is imported inside the command that needs it, so that ``--help`` stays quick.
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
 
-Depends on: cli.edge, typer; inside the commands: errors, pipeline, study, summary, cli.views.
+Depends on: cli.edge, typer; inside the commands: calibration, errors, pipeline, study, summary,
+track_report, cli.views.
 """
 
 from pathlib import Path
@@ -180,7 +181,7 @@ def track(study: StudyFile) -> None:
     loaded = load_study(study)
     from mcsettle.track_report import track_summary
 
-    typer.echo("\n".join(track_lines(track_summary(loaded))))
+    typer.echo("\n".join(track_lines(track_summary(loaded, Progress()))))
 
 
 @app.command()

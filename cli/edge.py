@@ -39,7 +39,7 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
         try:
             return command(*args, **kwargs)
         except KeyboardInterrupt:
-            talk("\nInterrupted; nothing half-written. The same command starts again.")
+            talk("\nInterrupted; nothing half-written. The same command goes on from here.")
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError:
             raise  # the reader of stdout has gone (`| head`): typer ends quietly

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
-from .laws import strain_power
+from mcsettle.kernels.laws import strain_power
 
 LANES = 8
 N_TILES = 64
@@ -64,49 +64,49 @@ def settle(
     for t in range(n_tiles):
         first = t * LANES
         for x in range(n_points):
-            for l in range(LANES):
-                settlement[t, x, l] = 0.0
+            for lane in range(LANES):
+                settlement[t, x, lane] = 0.0
         for z in range(n_depths):
             for x in range(n_points):
-                for l in range(LANES):
-                    q2[t, x, l] = 0.0
+                for lane in range(LANES):
+                    q2[t, x, lane] = 0.0
             for d in range(3):
                 for k in range(n_modes):
                     a = response[z, d, k, 0]
                     b = response[z, d, k, 1]
-                    for l in range(LANES):
-                        r = ti.min(first + l, n_real - 1)
-                        v_re[t, k, l] = a * u[r, k, 0] - b * u[r, k, 1]
-                        v_im[t, k, l] = a * u[r, k, 1] + b * u[r, k, 0]
+                    for lane in range(LANES):
+                        r = ti.min(first + lane, n_real - 1)
+                        v_re[t, k, lane] = a * u[r, k, 0] - b * u[r, k, 1]
+                        v_im[t, k, lane] = a * u[r, k, 1] + b * u[r, k, 0]
                 p0 = mean[z, d]
                 for x in range(n_points):
                     s = ti.Vector.zero(ti.f64, LANES)
                     for k in range(n_modes):
                         c = waves[x, k, 0]
                         n = waves[x, k, 1]
-                        for l in ti.static(range(LANES)):
-                            s[l] = s[l] + (c * v_re[t, k, l] - n * v_im[t, k, l])
-                    for l in ti.static(range(LANES)):
-                        q2[t, x, l] = q2[t, x, l] + (p0 + s[l]) * (p0 + s[l])
+                        for lane in ti.static(range(LANES)):
+                            s[lane] = s[lane] + (c * v_re[t, k, lane] - n * v_im[t, k, lane])
+                    for lane in ti.static(range(LANES)):
+                        q2[t, x, lane] = q2[t, x, lane] + (p0 + s[lane]) * (p0 + s[lane])
             g = group[z]
             for x in range(n_points):
-                for l in range(LANES):
-                    weight = coefficient[z] * w[ti.min(first + l, n_real - 1), g]
-                    value = strain_power(q2[t, x, l], exponent[z])
-                    settlement[t, x, l] = settlement[t, x, l] + weight * value
-        for l in range(LANES):
-            r = first + l
+                for lane in range(LANES):
+                    weight = coefficient[z] * w[ti.min(first + lane, n_real - 1), g]
+                    value = strain_power(q2[t, x, lane], exponent[z])
+                    settlement[t, x, lane] = settlement[t, x, lane] + weight * value
+        for lane in range(LANES):
+            r = first + lane
             if r < n_real:
                 total = 0.0
                 for x in range(n_points):
-                    total = total + settlement[t, x, l]
+                    total = total + settlement[t, x, lane]
                 uniform[r] = uniform[r] + total / n_points
                 for k in range(n_modes):
                     a = 0.0
                     b = 0.0
                     for x in range(n_points):
-                        a = a + settlement[t, x, l] * waves[x, k, 0]
-                        b = b - settlement[t, x, l] * waves[x, k, 1]
+                        a = a + settlement[t, x, lane] * waves[x, k, 0]
+                        b = b - settlement[t, x, lane] * waves[x, k, 1]
                     growth[r, k, 0] = growth[r, k, 0] + 2.0 * a / n_points
                     growth[r, k, 1] = growth[r, k, 1] + 2.0 * b / n_points
 

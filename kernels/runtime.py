@@ -16,7 +16,7 @@ from pathlib import Path
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 
-import taichi as ti  # noqa: E402
+import taichi as ti
 
 _started: dict[str, object] = {}
 

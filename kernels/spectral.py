@@ -169,73 +169,73 @@ def rates(
         first = t * LANES
         d[t, 0, 0, 0] = s[t, 0, 0, 0]  # see the module's note on vectorisation
         for k in range(n_modes):
-            for l in range(LANES):
-                r = ti.min(first + l, n_real - 1)
-                s[t, k, 0, l] = u[r, k, 0]
-                s[t, k, 1, l] = u[r, k, 1]
+            for lane in range(LANES):
+                r = ti.min(first + lane, n_real - 1)
+                s[t, k, 0, lane] = u[r, k, 0]
+                s[t, k, 1, lane] = u[r, k, 1]
         for e in range(n_forms):
-            for l in range(LANES):
-                weight[t, e, l] = w[ti.min(first + l, n_real - 1), e]
-        for l in range(LANES):
-            uniform[t, l] = 0.0
+            for lane in range(LANES):
+                weight[t, e, lane] = w[ti.min(first + lane, n_real - 1), e]
+        for lane in range(LANES):
+            uniform[t, lane] = 0.0
         for e in range(n_forms):
             c0 = constant[e]
-            for l in range(LANES):
-                uniform[t, l] = uniform[t, l] + weight[t, e, l] * c0
+            for lane in range(LANES):
+                uniform[t, lane] = uniform[t, lane] + weight[t, e, lane] * c0
         for n in range(n_modes):
             a = ti.Vector([form[e, n, 0] for e in ti.static(range(n_forms))])
             b = ti.Vector([form[e, n, 1] for e in ti.static(range(n_forms))])
             g = ti.Vector([mean[e, n] for e in ti.static(range(n_forms))])
-            for l in range(LANES):
+            for lane in range(LANES):
                 ca = 0.0
                 cb = 0.0
                 cg = 0.0
                 for e in ti.static(range(n_forms)):
-                    ca = ca + weight[t, e, l] * a[e]
-                    cb = cb + weight[t, e, l] * b[e]
-                    cg = cg + weight[t, e, l] * g[e]
-                x = s[t, n, 0, l]
-                y = s[t, n, 1, l]
-                d[t, n, 0, l] = ca * x - cb * y
-                d[t, n, 1, l] = ca * y + cb * x
-                uniform[t, l] = uniform[t, l] + cg * (x * x + y * y)
+                    ca = ca + weight[t, e, lane] * a[e]
+                    cb = cb + weight[t, e, lane] * b[e]
+                    cg = cg + weight[t, e, lane] * g[e]
+                x = s[t, n, 0, lane]
+                y = s[t, n, 1, lane]
+                d[t, n, 0, lane] = ca * x - cb * y
+                d[t, n, 1, lane] = ca * y + cb * x
+                uniform[t, lane] = uniform[t, lane] + cg * (x * x + y * y)
             for p in range(sum_start[n], sum_start[n + 1]):
                 i = sums[p, 0]
                 j = sums[p, 1]
                 a = ti.Vector([form[e, n_modes + p, 0] for e in ti.static(range(n_forms))])
                 b = ti.Vector([form[e, n_modes + p, 1] for e in ti.static(range(n_forms))])
-                for l in range(LANES):
+                for lane in range(LANES):
                     ca = 0.0
                     cb = 0.0
                     for e in ti.static(range(n_forms)):
-                        ca = ca + weight[t, e, l] * a[e]
-                        cb = cb + weight[t, e, l] * b[e]
-                    xr = s[t, i, 0, l] * s[t, j, 0, l] - s[t, i, 1, l] * s[t, j, 1, l]
-                    xi = s[t, i, 0, l] * s[t, j, 1, l] + s[t, i, 1, l] * s[t, j, 0, l]
-                    d[t, n, 0, l] = d[t, n, 0, l] + (ca * xr - cb * xi)
-                    d[t, n, 1, l] = d[t, n, 1, l] + (ca * xi + cb * xr)
+                        ca = ca + weight[t, e, lane] * a[e]
+                        cb = cb + weight[t, e, lane] * b[e]
+                    xr = s[t, i, 0, lane] * s[t, j, 0, lane] - s[t, i, 1, lane] * s[t, j, 1, lane]
+                    xi = s[t, i, 0, lane] * s[t, j, 1, lane] + s[t, i, 1, lane] * s[t, j, 0, lane]
+                    d[t, n, 0, lane] = d[t, n, 0, lane] + (ca * xr - cb * xi)
+                    d[t, n, 1, lane] = d[t, n, 1, lane] + (ca * xi + cb * xr)
             for p in range(diff_start[n], diff_start[n + 1]):
                 i = diffs[p, 0]
                 j = diffs[p, 1]
                 a = ti.Vector([form[e, n_modes + n_sums + p, 0] for e in ti.static(range(n_forms))])
                 b = ti.Vector([form[e, n_modes + n_sums + p, 1] for e in ti.static(range(n_forms))])
-                for l in range(LANES):
+                for lane in range(LANES):
                     ca = 0.0
                     cb = 0.0
                     for e in ti.static(range(n_forms)):
-                        ca = ca + weight[t, e, l] * a[e]
-                        cb = cb + weight[t, e, l] * b[e]
-                    xr = s[t, i, 0, l] * s[t, j, 0, l] + s[t, i, 1, l] * s[t, j, 1, l]
-                    xi = s[t, i, 1, l] * s[t, j, 0, l] - s[t, i, 0, l] * s[t, j, 1, l]
-                    d[t, n, 0, l] = d[t, n, 0, l] + (ca * xr - cb * xi)
-                    d[t, n, 1, l] = d[t, n, 1, l] + (ca * xi + cb * xr)
-        for l in range(LANES):
-            r = first + l
+                        ca = ca + weight[t, e, lane] * a[e]
+                        cb = cb + weight[t, e, lane] * b[e]
+                    xr = s[t, i, 0, lane] * s[t, j, 0, lane] + s[t, i, 1, lane] * s[t, j, 1, lane]
+                    xi = s[t, i, 1, lane] * s[t, j, 0, lane] - s[t, i, 0, lane] * s[t, j, 1, lane]
+                    d[t, n, 0, lane] = d[t, n, 0, lane] + (ca * xr - cb * xi)
+                    d[t, n, 1, lane] = d[t, n, 1, lane] + (ca * xi + cb * xr)
+        for lane in range(LANES):
+            r = first + lane
             if r < n_real:
-                out_uniform[r] = uniform[t, l]
+                out_uniform[r] = uniform[t, lane]
                 for k in range(n_modes):
-                    out[r, k, 0] = d[t, k, 0, l]
-                    out[r, k, 1] = d[t, k, 1, l]
+                    out[r, k, 0] = d[t, k, 0, lane]
+                    out[r, k, 1] = d[t, k, 1, lane]
 
 
 @ti.kernel
@@ -274,8 +274,8 @@ def burst(
             c0 = 0.0
             for g in ti.static(range(n_groups)):
                 c0 = c0 + w[g] * constant[a, g]
-            for l in range(LANES):
-                uniform[t, l] = uniform[t, l] + active[t, l] * c0
+            for lane in range(LANES):
+                uniform[t, lane] = uniform[t, lane] + active[t, lane] * c0
             for n in range(n_modes):
                 ca = 0.0
                 cb = 0.0
@@ -284,12 +284,12 @@ def burst(
                     ca = ca + w[g] * form[a, g, n, 0]
                     cb = cb + w[g] * form[a, g, n, 1]
                     cg = cg + w[g] * mean[a, g, n]
-                for l in range(LANES):
-                    x = s[t, n, 0, l]
-                    y = s[t, n, 1, l]
-                    d[t, n, 0, l] = ca * x - cb * y
-                    d[t, n, 1, l] = ca * y + cb * x
-                    uniform[t, l] = uniform[t, l] + active[t, l] * cg * (x * x + y * y)
+                for lane in range(LANES):
+                    x = s[t, n, 0, lane]
+                    y = s[t, n, 1, lane]
+                    d[t, n, 0, lane] = ca * x - cb * y
+                    d[t, n, 1, lane] = ca * y + cb * x
+                    uniform[t, lane] = uniform[t, lane] + active[t, lane] * cg * (x * x + y * y)
                 for p in range(sum_start[n], sum_start[n + 1]):
                     i = sums[p, 0]
                     j = sums[p, 1]
@@ -298,11 +298,17 @@ def burst(
                     for g in ti.static(range(n_groups)):
                         pa = pa + w[g] * form[a, g, n_modes + p, 0]
                         pb = pb + w[g] * form[a, g, n_modes + p, 1]
-                    for l in range(LANES):
-                        xr = s[t, i, 0, l] * s[t, j, 0, l] - s[t, i, 1, l] * s[t, j, 1, l]
-                        xi = s[t, i, 0, l] * s[t, j, 1, l] + s[t, i, 1, l] * s[t, j, 0, l]
-                        d[t, n, 0, l] = d[t, n, 0, l] + (pa * xr - pb * xi)
-                        d[t, n, 1, l] = d[t, n, 1, l] + (pa * xi + pb * xr)
+                    for lane in range(LANES):
+                        xr = (
+                            s[t, i, 0, lane] * s[t, j, 0, lane]
+                            - s[t, i, 1, lane] * s[t, j, 1, lane]
+                        )
+                        xi = (
+                            s[t, i, 0, lane] * s[t, j, 1, lane]
+                            + s[t, i, 1, lane] * s[t, j, 0, lane]
+                        )
+                        d[t, n, 0, lane] = d[t, n, 0, lane] + (pa * xr - pb * xi)
+                        d[t, n, 1, lane] = d[t, n, 1, lane] + (pa * xi + pb * xr)
                 for p in range(diff_start[n], diff_start[n + 1]):
                     i = diffs[p, 0]
                     j = diffs[p, 1]
@@ -311,22 +317,28 @@ def burst(
                     for g in ti.static(range(n_groups)):
                         qa = qa + w[g] * form[a, g, n_modes + n_sums + p, 0]
                         qb = qb + w[g] * form[a, g, n_modes + n_sums + p, 1]
-                    for l in range(LANES):
-                        xr = s[t, i, 0, l] * s[t, j, 0, l] + s[t, i, 1, l] * s[t, j, 1, l]
-                        xi = s[t, i, 1, l] * s[t, j, 0, l] - s[t, i, 0, l] * s[t, j, 1, l]
-                        d[t, n, 0, l] = d[t, n, 0, l] + (qa * xr - qb * xi)
-                        d[t, n, 1, l] = d[t, n, 1, l] + (qa * xi + qb * xr)
-            for l in range(LANES):
-                power[t, l] = 0.0
+                    for lane in range(LANES):
+                        xr = (
+                            s[t, i, 0, lane] * s[t, j, 0, lane]
+                            + s[t, i, 1, lane] * s[t, j, 1, lane]
+                        )
+                        xi = (
+                            s[t, i, 1, lane] * s[t, j, 0, lane]
+                            - s[t, i, 0, lane] * s[t, j, 1, lane]
+                        )
+                        d[t, n, 0, lane] = d[t, n, 0, lane] + (qa * xr - qb * xi)
+                        d[t, n, 1, lane] = d[t, n, 1, lane] + (qa * xi + qb * xr)
+            for lane in range(LANES):
+                power[t, lane] = 0.0
             for n in range(n_modes):
-                for l in range(LANES):
-                    x = s[t, n, 0, l] + active[t, l] * d[t, n, 0, l]
-                    y = s[t, n, 1, l] + active[t, l] * d[t, n, 1, l]
-                    s[t, n, 0, l] = x
-                    s[t, n, 1, l] = y
-                    power[t, l] = power[t, l] + (x * x + y * y)
-            for l in range(LANES):
-                if active[t, l] > 0.5:
-                    passages[t, l] = passages[t, l] + 1
-                    if power[t, l] >= power_limit:
-                        active[t, l] = 0.0
+                for lane in range(LANES):
+                    x = s[t, n, 0, lane] + active[t, lane] * d[t, n, 0, lane]
+                    y = s[t, n, 1, lane] + active[t, lane] * d[t, n, 1, lane]
+                    s[t, n, 0, lane] = x
+                    s[t, n, 1, lane] = y
+                    power[t, lane] = power[t, lane] + (x * x + y * y)
+            for lane in range(LANES):
+                if active[t, lane] > 0.5:
+                    passages[t, lane] = passages[t, lane] + 1
+                    if power[t, lane] >= power_limit:
+                        active[t, lane] = 0.0

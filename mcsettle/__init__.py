@@ -37,9 +37,10 @@ if TYPE_CHECKING:
     from mcsettle.economics import paired_effects
     from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
     from mcsettle.estimate import Estimate
-    from mcsettle.pipeline import run_study, track_summary
+    from mcsettle.pipeline import run_study
     from mcsettle.study import Study, load_study, resolved_toml
     from mcsettle.track import BeamTrack, Layer, Material, SectionTrack
+    from mcsettle.track_report import track_summary
     from mcsettle.traffic import Service, Timetable, Train
     from mcsettle.transfer import TransferFunctions
     from mcsettle.vehicle import Vehicle
@@ -73,9 +74,10 @@ _HOME = {
     "economics": ("paired_effects",),
     "errors": ("InputError", "MissingPrecomputationError", "NumericalError"),
     "estimate": ("Estimate",),
-    "pipeline": ("run_study", "track_summary"),
+    "pipeline": ("run_study",),
     "study": ("Study", "load_study", "resolved_toml"),
     "track": ("BeamTrack", "Layer", "Material", "SectionTrack"),
+    "track_report": ("track_summary",),
     "traffic": ("Service", "Timetable", "Train"),
     "transfer": ("TransferFunctions",),
     "vehicle": ("Vehicle",),

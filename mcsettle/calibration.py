@@ -4,7 +4,7 @@ The factor multiplies every settlement increment. Published inputs taken literal
 slowly than the case studies report, so a factor is needed to speak of the same intervals; what it was
 fitted to, and on how many tracks, belongs to the result.
 
-Depends on: engine, errors, pipeline, step_a, study.
+Depends on: case, engine, errors, estimate, pipeline, step_a, study.
 """
 
 from dataclasses import dataclass, replace
@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mcsettle import engine
+from mcsettle.case import Case, Outcome
 from mcsettle.errors import InputError
 from mcsettle.estimate import Estimate, interval_quantile
 from mcsettle.pipeline import build_case, initial_profiles
@@ -95,7 +96,7 @@ def calibrate(
     )
 
 
-def _median(outcome: engine.Outcome, horizon: float) -> Estimate:
+def _median(outcome: Outcome, horizon: float) -> Estimate:
     """Kaplan–Meier median of the intervals, days."""
     return interval_quantile(outcome.days, np.where(outcome.reached, np.nan, horizon), 0.5)
 
@@ -103,14 +104,12 @@ def _median(outcome: engine.Outcome, horizon: float) -> Estimate:
 class _Search:
     """Median days as a function of the factor, on fixed profiles (common random numbers)."""
 
-    def __init__(
-        self, case: engine.Case, profiles: np.ndarray, progress: Progress | None
-    ) -> None:
+    def __init__(self, case: Case, profiles: np.ndarray, progress: Progress | None) -> None:
         self.case, self.profiles, self.progress = case, profiles, progress
         self.machine = engine.Engine(case)
         self.evaluations = 0
 
-    def outcome(self, factor: float, days: np.ndarray | None = None) -> engine.Outcome:
+    def outcome(self, factor: float, days: np.ndarray | None = None) -> Outcome:
         self.evaluations += 1
         if self.progress is not None:
             self.progress(f"Calibration, factor {factor:.6g}", self.evaluations, 40)

@@ -61,6 +61,7 @@ class DayPlan:
 
 
 def day_plan(case: Case, by_train: bool) -> DayPlan:
+    """Order the updates of one day: every axle, or every train, in timetable order."""
     load, service, axles, first = [], [], [], 0
     for s, item in enumerate(case.timetable.services):
         own = 1 if by_train else item.train.n_axles
@@ -71,7 +72,9 @@ def day_plan(case: Case, by_train: bool) -> DayPlan:
     return DayPlan(*(np.concatenate(part) for part in (load, service, axles)))
 
 
-def update_weights(case: Case, plan: DayPlan, done: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+def update_weights(
+    case: Case, plan: DayPlan, done: int, count: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Form index [count] and cycle growth [count, G] of the updates ``done`` … ``done + count``."""
     model = case.model
     index = np.arange(done, done + count)

@@ -18,6 +18,7 @@ Depends on: settlement, stress, transfer, mcsettle.kernels.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -88,9 +89,7 @@ def axle_form(
         assert law is not None
         here = grid.layer == layer
         weight = strain_scale(law) * grid.weights[here]
-        parts.append(
-            _layer_form(p0[:, here], response[:, :, here], weight, law.exponent, pairs)
-        )
+        parts.append(_layer_form(p0[:, here], response[:, :, here], weight, law.exponent, pairs))
     return SettlementForm(*(np.stack(column) for column in zip(*parts, strict=True)))
 
 
@@ -152,14 +151,12 @@ def fast_growth(
     u = np.ascontiguousarray(amplitudes).view(float).reshape(n, n_modes, 2)
     change, uniform = np.empty_like(u), np.empty(n)
     w = np.ascontiguousarray(weights, dtype=float)
-    spectral.evaluate_rates(
-        u, w, packed, form.constant, form.mean, tables(pairs), change, uniform
-    )
+    spectral.evaluate_rates(u, w, packed, form.constant, form.mean, tables(pairs), change, uniform)
     return change.view(complex)[..., 0], uniform
 
 
 def stacked(forms: list[SettlementForm]) -> SettlementForm:
-    """Forms side by side: groups of the first, then of the second, …"""
+    """Forms side by side: groups of the first, then those of the second, and so on."""
     return SettlementForm(*(np.concatenate(c) for c in zip(*map(_arrays, forms), strict=True)))
 
 
@@ -200,5 +197,5 @@ def _flatten(groups: list[list[tuple[int, int]]]) -> tuple[np.ndarray, np.ndarra
 
 def _sum_slices(terms: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Sum ``terms`` [R, P] over the slices start[n]:start[n+1], giving [R, K]."""
-    bounds = zip(start[:-1], start[1:], strict=True)
+    bounds = pairwise(start)
     return np.stack([terms[:, a:b].sum(axis=1) for a, b in bounds], axis=1)

@@ -74,7 +74,7 @@ def track_response(
     """Step A's track model for ``track``, stresses down to ``integration_depth`` [m] below z = 0."""
     if isinstance(track, BeamTrack):
         return beam_response(track, integration_depth)
-    from mcsettle.fem25d.response import section_response
+    from mcsettle.fem25d import section_response
 
     return section_response(
         track, integration_depth, cache=cache_folder(), progress=_reversed(progress)
@@ -107,9 +107,7 @@ def _transfer(
     response: TrackResponse, service: Service, modes: np.ndarray, progress: Progress | None
 ) -> TransferFunctions:
     """One set of transfer functions, from the cache if it is there and sound."""
-    digest = transfer_digest(
-        service.train, service.speed, modes, HERTZ_STIFFNESS, response.digest
-    )
+    digest = transfer_digest(service.train, service.speed, modes, HERTZ_STIFFNESS, response.digest)
     path = cache_folder() / f"transfer-{digest[:32]}.npz"
     if path.exists():
         try:

@@ -181,4 +181,5 @@ def _table(folder: Path, name: str) -> pd.DataFrame:
     """The table ``name`` of a run, empty where it was not written."""
     if not (folder / name).is_dir() or not any((folder / name).iterdir()):
         return pd.DataFrame()
-    return store.read(folder, name).to_pandas()
+    table: pd.DataFrame = store.read(folder, name).to_pandas()
+    return table

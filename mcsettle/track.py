@@ -13,6 +13,7 @@ Depends on: nothing but the standard library.
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 DAMPING_CONVENTIONS = ("damping_ratio", "loss_factor")
 
@@ -185,9 +186,7 @@ class Sleeper:
         for name in ("length", "height", "width", "spacing"):
             _positive(f"sleeper {name}", getattr(self, name), "m")
         if self.width > self.spacing:
-            raise ValueError(
-                f"sleeper width {self.width} m exceeds their spacing {self.spacing} m"
-            )
+            raise ValueError(f"sleeper width {self.width} m exceeds their spacing {self.spacing} m")
 
     @property
     def fill(self) -> float:
@@ -215,7 +214,7 @@ class SectionTrack:
                 f"choose one of {', '.join(DAMPING_CONVENTIONS)}"
             )
         widths = [self.sleeper.length] + [w.width for w in self.layers if w.width is not None]
-        if any(lower < upper for upper, lower in zip(widths, widths[1:], strict=False)):
+        if any(lower < upper for upper, lower in pairwise(widths)):
             raise ValueError(f"each layer must be at least as wide as the one above: {widths} m")
 
     @property

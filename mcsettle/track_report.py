@@ -22,7 +22,9 @@ def track_summary(study: Study, progress: Progress | None = None) -> list[Row]:
         for layer in track.layers:
             m = layer.material
             rows.append((f"{variant}: {layer.name}, height", layer.height, "m"))
-            rows.append((f"{variant}: {layer.name}, shear wave speed", m.shear_wave_speed / KMH, "km/h"))
+            rows.append(
+                (f"{variant}: {layer.name}, shear wave speed", m.shear_wave_speed / KMH, "km/h")
+            )
     prepared, seen = step_a(study, progress), set()
     for (variant, _), group in prepared.transfers.items():
         for transfer in group:

@@ -62,7 +62,9 @@ class Service:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.speed < np.inf:
-            raise ValueError(f"speed of '{self.train.name}' is {self.speed} m/s; it must be positive")
+            raise ValueError(
+                f"speed of '{self.train.name}' is {self.speed} m/s; it must be positive"
+            )
         if self.per_day < 1:
             raise ValueError(f"'{self.train.name}' runs {self.per_day} times a day; at least 1")
 

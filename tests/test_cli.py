@@ -178,7 +178,9 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         return SimpleNamespace(n_failed=calls.n_failed, remarks=("look here",))
 
     rows = [("Rayleigh speed", 109.0, "m/s"), ("rail", "UIC 60", "")]
-    fake = SimpleNamespace(run_study=run_study, track_summary=lambda study: rows)
+    fake = SimpleNamespace(run_study=run_study)
+    report = SimpleNamespace(track_summary=lambda study, progress: rows)
+    monkeypatch.setitem(sys.modules, "mcsettle.track_report", report)
     monkeypatch.setitem(sys.modules, "mcsettle.pipeline", fake)
     return calls
 

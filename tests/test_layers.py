@@ -22,7 +22,7 @@ LAYERS = (
     ("study_units", "study_schema", "study_build", "study_faults", "study_checks", "study_text"),
     ("study_read",),
     ("study",),
-    ("summary", "step_a", "pipeline"),
+    ("summary", "step_a", "track_report", "pipeline"),
     ("calibration",),
     ("cli",),
 )
@@ -107,6 +107,16 @@ def test_package_list_equals_the_tree() -> None:
     }
     assert set(build["packages"]) == tree
     assert build["package-dir"] == {package: folder for folder, package in PACKAGES.items()}
+
+
+def test_every_public_name_is_there() -> None:
+    import mcsettle
+
+    for name in mcsettle.__all__:
+        assert getattr(mcsettle, name) is not None
+    assert set(mcsettle.__all__) <= set(dir(mcsettle))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        mcsettle.nothing  # noqa: B018
 
 
 def test_versions_agree() -> None:

@@ -68,7 +68,7 @@ def read_bands(path: Path) -> tuple[tuple[Band, ...], np.ndarray] | None:
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         if str(arrays.pop("checksum")) != _checksum(arrays):
             raise ValueError("its checksum does not match")
@@ -83,10 +83,13 @@ def read_bands(path: Path) -> tuple[tuple[Band, ...], np.ndarray] | None:
 
 
 def _bands(arrays: dict[str, np.ndarray]) -> tuple[Band, ...]:
-    return tuple(
-        Band(float(low), float(up), *(arrays[f"{name}_{i}"] for name in ARRAYS), int(solves))
-        for i, (low, up, solves) in enumerate(arrays["bounds"])
-    )
+    bands = []
+    for i, (low, up, solves) in enumerate(arrays["bounds"]):
+        stiffness, mass, load, output0, output1 = (arrays[f"{name}_{i}"] for name in ARRAYS)
+        bands.append(
+            Band(float(low), float(up), stiffness, mass, load, output0, output1, int(solves))
+        )
+    return tuple(bands)
 
 
 def _checksum(arrays: dict[str, np.ndarray]) -> str:

@@ -13,6 +13,7 @@ from mcsettle.units import GRAVITY
 
 FIRST_PANEL = 0.8  # m, uppermost Gauss panel of the ground; each further one doubles
 POINTS = 3  # Gauss points a panel
+TALL = 0.4  # m, an embankment layer taller than this is two panels
 
 
 def depth_grid(track: SectionTrack, integration_depth: float) -> DepthGrid:
@@ -47,9 +48,7 @@ def depth_grid(track: SectionTrack, integration_depth: float) -> DepthGrid:
             w.append(weights * (a - b) / 2.0)
             index.append(np.full(POINTS, i))
         upper = lower
-    return DepthGrid(
-        *(np.concatenate(parts) for parts in ([v for v in z], w)), np.concatenate(index)
-    )
+    return DepthGrid(np.concatenate(z), np.concatenate(w), np.concatenate(index))
 
 
 def _panels(upper: float, lower: float, ground: bool) -> list[tuple[float, float]]:
@@ -58,12 +57,11 @@ def _panels(upper: float, lower: float, ground: bool) -> list[tuple[float, float
     if height <= 1e-9:
         return []
     if not ground:
-        edges = np.linspace(upper, lower, 2 + (height > 0.4 + 1e-9) - 0)[:]
-        edges = np.linspace(upper, lower, 3) if height > 0.4 else np.array([upper, lower])
+        edges = np.linspace(upper, lower, 3 if height > TALL else 2)
     else:
         count = max(1, math.ceil(math.log2(height / FIRST_PANEL + 1.0) - 1e-9))
         share = (2.0 ** np.arange(count + 1) - 1.0) / (2.0**count - 1.0)
-        edges = upper - height * share
+        edges = np.asarray(upper - height * share, dtype=np.float64)
     return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
 
 

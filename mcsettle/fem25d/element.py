@@ -11,9 +11,7 @@ by the cell's complex stretch and multiply its area.
 Depends on: nothing of the package.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -37,29 +35,22 @@ class Cells:
     stretch_z: np.ndarray
 
 
-def strain_operators(u: Any, stretch_y: Any, stretch_z: Any) -> tuple[list[Any], list[Any]]:
-    """Strains E0 u and E1 u of a field with ``value`` [3, ...] and ``grad`` [3, 2, ...]."""
-    ux, uy, uz = u.value
-    (ux_y, ux_z), (uy_y, uy_z), (uz_y, uz_z) = u.grad
-    e0 = [
-        None,
-        uy_y / stretch_y,
-        uz_z / stretch_z,
-        uy_z / stretch_z + uz_y / stretch_y,
-        ux_y / stretch_y,
-        ux_z / stretch_z,
-    ]
-    return e0, [ux, None, None, None, -uy, -uz]
+def strain_operators(
+    field: skfem.DiscreteField, stretch_y: np.ndarray, stretch_z: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Strains E0 u and E1 u [6, E, Q] of a field u given at Q points of E elements.
 
-
-def _energy(stiffness: np.ndarray, a: list[Any], b: list[Any]) -> Any:
-    """Σ a_i D_ij b_j over the entries present (axial block full, shears diagonal)."""
-    total: Any = 0.0
-    for i in range(6):
-        for j in range(3) if i < 3 else (i,):
-            if a[i] is not None and b[j] is not None:
-                total = total + stiffness[i, j] * a[i] * b[j]
-    return total
+    ``stretch_y`` and ``stretch_z`` [E] are the complex stretches of the elements.
+    """
+    ux, uy, uz = np.asarray(field)
+    (ux_y, ux_z), (uy_y, uy_z), (uz_y, uz_z) = np.asarray(field.grad)
+    sy, sz = stretch_y[:, None], stretch_z[:, None]
+    e0 = np.zeros((6, *ux.shape), dtype=np.complex128)
+    e1 = np.zeros_like(e0)
+    e0[1], e0[2], e0[3] = uy_y / sy, uz_z / sz, uy_z / sz + uz_y / sy
+    e0[4], e0[5] = ux_y / sy, ux_z / sz
+    e1[0], e1[4], e1[5] = ux, -uy, -uz
+    return e0, e1
 
 
 def vector_basis(mesh: skfem.Mesh) -> skfem.Basis:
@@ -76,42 +67,46 @@ def assemble_operators(basis: skfem.Basis, cells: Cells) -> tuple[sp.csc_matrix,
     tuple of csc_matrix
         (K0, K1, K2, M), complex symmetric, all with one and the same sparsity pattern.
     """
-
-    def field(values: np.ndarray) -> np.ndarray:
-        return values[..., None]
-
-    d, sy, sz = field(cells.stiffness), field(cells.stretch_y), field(cells.stretch_z)
-    area, rho = sy * sz, field(cells.density)
-
-    def stiffness(order: int) -> Callable[..., Any]:
-        def form(u: Any, v: Any, w: Any) -> Any:
-            a0, a1 = strain_operators(u, sy, sz)
-            b0, b1 = strain_operators(v, sy, sz)
-            if order == 0:
-                return area * _energy(d, a0, b0)
-            if order == 2:
-                return area * _energy(d, a1, b1)
-            return area * (_energy(d, a0, b1) + _energy(d, a1, b0))
-
-        return form
-
-    def mass(u: Any, v: Any, w: Any) -> Any:
-        return area * rho * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2])
-
-    forms = [stiffness(0), stiffness(1), stiffness(2), mass]
-    parts = [skfem.BilinearForm(f, dtype=np.complex128).coo_data(basis) for f in forms]
-    return _common_pattern(parts, basis.N)
+    volume = basis.dx * (cells.stretch_y * cells.stretch_z)[:, None]
+    shapes = [basis.basis[i][0] for i in range(basis.Nbfun)]
+    strains = [strain_operators(shape, cells.stretch_y, cells.stretch_z) for shape in shapes]
+    b0, b1 = (_by_element(np.stack([s[order] for s in strains])) for order in range(2))
+    d = cells.stiffness.transpose(2, 0, 1)[:, None] * volume[:, :, None, None]
+    values = _by_element(np.stack([np.asarray(shape) for shape in shapes]))
+    density = (cells.density[:, None] * volume)[:, :, None, None] * np.eye(DISPLACEMENTS)
+    k01 = _pairs(b0, d, b1)
+    local = (
+        _pairs(b0, d, b0),
+        k01 + k01.transpose(0, 2, 1),
+        _pairs(b1, d, b1),
+        _pairs(values, density, values),
+    )
+    return _common_pattern(local, basis.element_dofs, basis.N)
 
 
-def _common_pattern(parts: list[Any], n: int) -> tuple[sp.csc_matrix, ...]:
-    """Sum duplicates of all parts into matrices that share indices and pointers."""
-    row, col = parts[0].indices
-    key, inverse = np.unique(col.astype(np.int64) * n + row, return_inverse=True)
+def _by_element(fields: np.ndarray) -> np.ndarray:
+    """[shapes, components, E, Q] as [E, Q, components, shapes]."""
+    return np.ascontiguousarray(fields.transpose(2, 3, 1, 0))
+
+
+def _pairs(a: np.ndarray, d: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Element matrices Σ_q aᵀ d b, [E, shapes, shapes]."""
+    return np.asarray((a.transpose(0, 1, 3, 2) @ (d @ b)).sum(axis=1))
+
+
+def _common_pattern(
+    local: tuple[np.ndarray, ...], dofs: np.ndarray, n: int
+) -> tuple[sp.csc_matrix, ...]:
+    """Add element matrices up into matrices that share indices and pointers."""
+    numbers = dofs.T.astype(np.int64)
+    key, inverse = np.unique(numbers[:, None, :] * n + numbers[:, :, None], return_inverse=True)
+    inverse = inverse.ravel()
     indices = (key % n).astype(np.int32)
     indptr = np.searchsorted(key, np.arange(n + 1, dtype=np.int64) * n).astype(np.int32)
     matrices = []
-    for part in parts:
-        data = np.bincount(inverse, part.data.real) + 1j * np.bincount(inverse, part.data.imag)
+    for part in local:
+        flat = part.astype(np.complex128).ravel()
+        data = np.bincount(inverse, flat.real) + 1j * np.bincount(inverse, flat.imag)
         matrices.append(sp.csc_matrix((data, indices, indptr), shape=(n, n)))
     return tuple(matrices)
 

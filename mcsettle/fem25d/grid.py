@@ -3,6 +3,7 @@
 Depends on: pml.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -34,9 +35,9 @@ class Lines:
 def uniform_lines(breaks: list[float], size: float) -> np.ndarray:
     """Positions that meet every break, with elements no longer than ``size`` [m]."""
     points = sorted(set(breaks))
-    kept = [points[0]] + [b for a, b in zip(points, points[1:], strict=False) if b - a > TOLERANCE]
+    kept = [points[0]] + [b for a, b in itertools.pairwise(points) if b - a > TOLERANCE]
     pieces = [np.array(kept[:1])]
-    for a, b in zip(kept, kept[1:], strict=False):
+    for a, b in itertools.pairwise(kept):
         n = max(1, math.ceil((b - a) / size - TOLERANCE))
         pieces.append(np.linspace(a, b, n + 1)[1:])
     return np.concatenate(pieces)

@@ -54,35 +54,21 @@ def _point_rows(
     """Stress at the Gauss points of the centre column, [4 P, N] each."""
     n_points = column.size * local.X.shape[1]
     number = np.arange(n_points).reshape(column.size, -1)
-    d = cells.stiffness[:, :, column, None]
-    sy, sz = cells.stretch_y[column, None], cells.stretch_z[column, None]
-    entries: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
-    where: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
-    for dof in range(local.Nbfun):
-        strains = strain_operators(local.basis[dof][0], sy, sz)
-        unknown = np.broadcast_to(local.element_dofs[dof][:, None], number.shape)
-        for order, strain in enumerate(strains):
-            for c, row in enumerate(ROWS):
-                value = _stress(d, strain, row)
-                if value is None:
-                    continue
-                entries[order].append(np.broadcast_to(value, number.shape).ravel())
-                where[order].append(np.stack([(c * n_points + number).ravel(), unknown.ravel()]))
+    d = cells.stiffness[:, :, column]
     shape = (len(ROWS) * n_points, local.N)
-    first, second = (
-        sp.csr_matrix((np.concatenate(entries[o]), tuple(np.concatenate(where[o], axis=1))), shape)
-        for o in range(2)
-    )
-    return first, second
-
-
-def _stress(d: np.ndarray, strain: list[np.ndarray | None], row: int) -> np.ndarray | None:
-    """One stress component of a strain; the factor i belongs to u = (i ũx, ...)."""
-    if row > 2:
-        value = strain[row]
-        return None if value is None else 1j * d[row, row] * value
-    terms = [d[row, j] * s for j, s in enumerate(strain[:3]) if s is not None]
-    return sum(terms[1:], terms[0]) if terms else None
+    rows = (np.arange(len(ROWS))[:, None, None] * n_points + number).ravel()
+    total = [sp.csr_matrix(shape, dtype=np.complex128) for _ in range(2)]
+    for dof in range(local.Nbfun):
+        unknown = np.broadcast_to(local.element_dofs[dof][:, None], (len(ROWS), *number.shape))
+        strains = strain_operators(
+            local.basis[dof][0], cells.stretch_y[column], cells.stretch_z[column]
+        )
+        for order, strain in enumerate(strains):
+            stress = np.einsum("ije,jeq->ieq", d, strain)[list(ROWS)]
+            stress[-1] *= 1j  # u = (i ũx, uy, uz)
+            part = sp.csr_matrix((stress.ravel(), (rows, unknown.ravel())), shape)
+            total[order] = sp.csr_matrix(total[order] + part)
+    return total[0], total[1]
 
 
 def _to_centreline(

@@ -1,10 +1,10 @@
 """The absorbing border: coordinates that turn complex and grow, element by element.
 
-Beyond the real region each element has a complex length h_j = h_0 q^j e^{-iθ_j}. With the time factor
-e^{iωt} an outgoing wave e^{-iκs} decays as e^{κ Im s}, and an evanescent field e^{-κs} as e^{-κ Re s}:
-an angle of 45° serves both, and geometric growth carries the border to some hundred metres, so that
-one frequency-independent stretch works for waves and for the static limit k → 0, ω → 0 alike. Since
-no length depends on ω the operator stays affine in k, k² and ω².
+Beyond the real region each element has a complex length h_j = h_0 q^j e^{-iθ_j}. With the time
+factor e^{iωt} an outgoing wave e^{-iκs} decays as e^{κ Im s} and an evanescent field e^{-κs} as
+e^{-κ Re s}: an angle of 45° serves both, and geometric growth carries the border to a few
+kilometres, so that one frequency-independent stretch works for waves and for the static limit
+k → 0, ω → 0 alike. Since no length depends on ω the operator stays affine in k, k² and ω².
 
 Depends on: nothing of the package.
 """

@@ -10,13 +10,15 @@ import numpy as np
 FIRST = 0.002  # rad/m, first panel next to k = 0
 RATIO = 0.2  # panel length over its wavenumber, near k = 0
 FAR = 3.0  # rad/m, beyond which panels lengthen again
-FAR_GROWTH = 0.012
+FAR_GROWTH = 0.012  # further panel length per wavenumber there
 
 
 @dataclass(frozen=True)
 class Quadrature:
-    """Composite Gauss–Legendre rule over (0, k_max]: ``edges`` [P + 1], ``nodes`` and ``weights``
-    [P n] rad/m, ``points`` n a panel."""
+    """Composite Gauss–Legendre rule over (0, k_max].
+
+    ``edges`` [P + 1] rad/m of the panels, ``nodes`` and ``weights`` [P n] rad/m, ``points`` n.
+    """
 
     edges: np.ndarray
     nodes: np.ndarray
@@ -61,7 +63,7 @@ def jump_shares(quadrature: Quadrature, place: float) -> tuple[slice, np.ndarray
         return None
     lower, upper = quadrature.edges[at], quadrature.edges[at + 1]
     n = quadrature.points
-    x, w = np.polynomial.legendre.leggauss(n)
+    x = np.polynomial.legendre.leggauss(n)[0]
     cut = 2.0 * (place - lower) / (upper - lower) - 1.0
     # ∫_{-1}^{cut} of each Lagrange polynomial, by its Legendre coefficients (2l+1)/2 w_i P_l(x_i).
     values = np.polynomial.legendre.legvander(x, n - 1)

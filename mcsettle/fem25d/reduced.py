@@ -96,6 +96,7 @@ class _Growth:
         self.trial = np.zeros((n, 0), dtype=np.complex128)
         self.test = np.zeros((n, 0), dtype=np.complex128)
         self.images = np.zeros((4, n, 0), dtype=np.complex128)
+        self.projected = np.zeros((4, 0, 0), dtype=np.complex128)
         self.sketched = np.zeros((4, SKETCH, 0), dtype=np.complex128)
         self.solves = 0
 
@@ -110,23 +111,27 @@ class _Growth:
         mix = self.rng.standard_normal((s.stress0.shape[0], ADJOINTS))
         sources = s.stress0.T @ mix + wavenumber * (s.stress1.T @ mix)
         fields = lu.solve(np.column_stack([*slopes, sources]))
-        new = _orthonormal(self.trial, np.column_stack([u, fields[:, :2]]))
-        self.trial = np.column_stack([self.trial, new])
-        extra = _orthonormal(self.test, np.column_stack([u, fields[:, 2:]]))
-        self.test = np.column_stack([self.test, extra])
-        images = np.stack([matrix @ new for matrix in self.matrices])
-        self.images = np.concatenate([self.images, images], axis=2)
-        self.sketched = np.concatenate([self.sketched, self.sketch @ images], axis=2)
+        self._extend(np.column_stack([u, fields[:, :2]]), np.column_stack([u, fields[:, 2:]]))
         return outputs(s, wavenumber, u)
+
+    def _extend(self, trial: np.ndarray, test: np.ndarray) -> None:
+        """Extend both spaces by as many vectors each, and the projections of the operator."""
+        new, extra = _orthonormal(self.trial, trial), _orthonormal(self.test, test)
+        images = np.stack([matrix @ new for matrix in self.matrices])
+        beside = self.test.T @ images
+        self.trial = np.column_stack([self.trial, new])
+        self.test = np.column_stack([self.test, extra])
+        self.images = np.concatenate([self.images, images], axis=2)
+        upper = np.concatenate([self.projected, beside], axis=2)
+        self.projected = np.concatenate([upper, extra.T @ self.images], axis=1)
+        self.sketched = np.concatenate([self.sketched, self.sketch @ images], axis=2)
 
     def band(self, lower: float, upper: float) -> Band:
         """The projected operator as it stands."""
-        projected = self.test.T @ self.images
-        s = self.section
+        s, p = self.section, self.projected
         out0 = np.vstack([(s.load @ self.trial)[None], s.stress0 @ self.trial])
         out1 = np.vstack([np.zeros((1, self.trial.shape[1])), s.stress1 @ self.trial])
-        load = s.load @ self.test
-        return Band(lower, upper, projected[:3], projected[3], load, out0, out1, self.solves)
+        return Band(lower, upper, p[:3], p[3], s.load @ self.test, out0, out1, self.solves)
 
     def residuals(self, band: Band, wavenumber: float, omegas: np.ndarray) -> np.ndarray:
         """Sketched norm of the residual over that of the load, for several ω [W]."""

@@ -1,178 +1,164 @@
-"""Step A as Step B sees it: the response of a ballasted track to a moving oscillating load.
+"""The door to Step A: reduced bases for a track, from disk or computed, as a ``SectionResponse``.
 
-The reduced section gives H, the mean displacement under the rail foot, and the stresses per unit
-pad force. Rail (EI k⁴ - m ω²) and pad (p = k_p + iωc_p) join in closed form: with the support
-stiffness S = 1/(1/p + H) a force F on one rail gives the rail F/(EI k⁴ - mω² + S) and the pad S
-times that. A unit force per wheelset is F = 1/2 on each rail.
-
-Below zero frequency the hysteretic moduli are conjugate, so response(k, -ω) = conj response(-k, ω);
-σxx, σyy, σzz and the displacement are even in k, τxz is odd.
-
-Depends on: track, transfer, depth, quadrature, reduced, settings.
+Depends on: track, cache, moving, reduced, section, settings, solve.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from mcsettle.fem25d.depth import depth_grid, geostatic_stress
-from mcsettle.fem25d.modal import ModalBand, modal_bands
-from mcsettle.fem25d.quadrature import Quadrature, jump_shares, wavenumber_quadrature
-from mcsettle.fem25d.reduced import Band
+from mcsettle.fem25d.cache import FORMAT, cache_folder, digest_of, read_bands, write_bands
+from mcsettle.fem25d.moving import SectionResponse, rayleigh_speed
+from mcsettle.fem25d.reduced import Band, grow_band, output_error, training_set
+from mcsettle.fem25d.section import Section, track_section
 from mcsettle.fem25d.settings import Settings
-from mcsettle.track import Material, SectionTrack
-from mcsettle.transfer import DepthGrid, WavenumberSpectra
+from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.track import SectionTrack
 
-CHUNK = 8  # driving frequencies evaluated together
-
-
-def rayleigh_speed(material: Material) -> float:
-    """Speed of the Rayleigh wave of a half-space [m/s], from its secular equation."""
-    ratio = (material.shear_wave_speed / material.pressure_wave_speed) ** 2
-    # x = (c_R/c_S)²: x³ - 8x² + (24 - 16 ratio) x - 16 (1 - ratio) = 0
-    roots = np.roots([1.0, -8.0, 24.0 - 16.0 * ratio, -16.0 * (1.0 - ratio)])
-    real = roots[np.abs(roots.imag) < 1e-9].real
-    x = real[(real > 0.0) & (real < 1.0)].min()
-    return float(material.shear_wave_speed * np.sqrt(x))
+Progress = Callable[[int, int, str], None]
+HELD_OUT = 2  # random check points a band
+HELD_OUT_SEED = 8_230_451
 
 
-@dataclass(frozen=True, eq=False)
-class SectionResponse:
-    """Response of a section track to a unit moving load per wheelset (a ``TrackResponse``).
+def section_response(
+    track: SectionTrack,
+    integration_depth: float = 5.5,
+    settings: Settings | None = None,
+    cache: Path | None = None,
+    progress: Progress | None = None,
+    workers: int = 1,
+    use_cache: bool = True,
+) -> SectionResponse:
+    """Response of a ballasted track to moving loads (Step A), computed once and kept on disk.
 
-    ``bands`` are the reduced bases, ``errors`` [n] their relative errors against direct solutions
-    at random points (k, ω) the bases never saw, ``solves`` the number of direct solutions spent.
+    Parameters
+    ----------
+    track : SectionTrack
+        Track and ground.
+    integration_depth : float
+        Depth [m] below the subgrade surface to which stresses are given.
+    settings : Settings, optional
+        Numerical settings.
+    cache : Path, optional
+        Folder of stored bases; default ``MCSETTLE_CACHE`` or the user's cache folder.
+    progress : callable, optional
+        Called as ``progress(done, total, text)`` when a band of wavenumbers is finished.
+    workers : int
+        Processes (spawned, and closed before return); 1 computes in this process.
+    use_cache : bool
+        False neither reads nor writes stored bases.
+
+    Raises
+    ------
+    ValueError
+        For a depth, setting or number of workers out of range.
+    RuntimeError
+        If a reduced basis misses its tolerance.
     """
+    settings = Settings() if settings is None else settings
+    if workers < 1:
+        raise ValueError(f"workers is {workers}; at least one is needed")
+    key = _basis_digest(track, integration_depth, settings)
+    path = (cache_folder() if cache is None else Path(cache)) / f"section-{key[:32]}.npz"
+    found = read_bands(path) if use_cache else None
+    if found is None:
+        found = _compute(track, integration_depth, settings, progress, workers)
+        if use_cache:
+            write_bands(path, *found)
+    digest = digest_of(_description(track, integration_depth, settings))
+    return SectionResponse(track, integration_depth, settings, found[0], found[1], digest)
 
-    track: SectionTrack
-    integration_depth: float
-    settings: Settings
-    bands: tuple[Band, ...]
-    errors: np.ndarray
-    digest: str
 
-    @cached_property
-    def grid(self) -> DepthGrid:
-        """Depths at which stresses are given."""
-        return depth_grid(self.track, self.integration_depth)
+def _compute(
+    track: SectionTrack,
+    integration_depth: float,
+    settings: Settings,
+    progress: Progress | None,
+    workers: int,
+) -> tuple[tuple[Band, ...], np.ndarray]:
+    """Grow every band, here or in spawned processes; the result does not depend on which."""
+    count = len(settings.bands)
+    done: dict[int, tuple[Band, np.ndarray]] = {}
 
-    @cached_property
-    def geostatic(self) -> np.ndarray:
-        """Geostatic stress [4, Z] Pa (compression negative, xz zero)."""
-        return geostatic_stress(self.track, self.grid)
+    def report(index: int) -> None:
+        if progress is not None:
+            solves = sum(band.solves for band, _ in done.values())
+            progress(len(done), count, f"track response: {solves} solutions")
 
-    @property
-    def rayleigh_speed(self) -> float:
-        """Rayleigh wave speed of the lowest layer [m/s]."""
-        return rayleigh_speed(self.track.layers[-1].material)
+    if workers == 1:
+        section = track_section(track, integration_depth, settings.mesh)
+        for i in range(count):
+            done[i] = _grow(section, track, settings, i)
+            report(i)
+    else:
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(min(workers, count), mp_context=context) as pool:
+            jobs = {
+                pool.submit(_task, track, integration_depth, settings, i): i for i in range(count)
+            }
+            for job in as_completed(jobs):
+                done[jobs[job]] = job.result()
+                report(jobs[job])
+    ordered = [done[i] for i in range(count)]
+    return tuple(band for band, _ in ordered), np.concatenate([e for _, e in ordered])
 
-    @property
-    def lowest_rayleigh_speed(self) -> float:
-        """Rayleigh wave speed of the softest ground layer [m/s]."""
-        return min(rayleigh_speed(layer.material) for layer in self.track.ground)
 
-    @property
-    def error_estimate(self) -> float:
-        """Largest relative error of the reduced bases at the held-out points."""
-        return float(np.max(self.errors))
+_sections: dict[str, Section] = {}  # of a worker process: bands of one track share their section
 
-    @property
-    def solves(self) -> int:
-        """Direct solutions spent on the bases."""
-        return sum(band.solves for band in self.bands)
 
-    @cached_property
-    def quadrature(self) -> Quadrature:
-        """Rule over positive wavenumbers."""
-        s = self.settings
-        return wavenumber_quadrature(s.bands[-1], s.panel, s.panel_points)
+def _task(
+    track: SectionTrack, integration_depth: float, settings: Settings, index: int
+) -> tuple[Band, np.ndarray]:
+    key = _basis_digest(track, integration_depth, settings)
+    if key not in _sections:
+        _sections.clear()
+        _sections[key] = track_section(track, integration_depth, settings.mesh)
+    return _grow(_sections[key], track, settings, index)
 
-    @cached_property
-    def _modal(self) -> list[ModalBand]:
-        return modal_bands(self.bands, self.quadrature.nodes, self.settings)
 
-    def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
-        """Spectra at ``speed`` [m/s] for each driving frequency Ω of ``omegas`` [rad/s], in order.
+def _grow(
+    section: Section, track: SectionTrack, settings: Settings, index: int
+) -> tuple[Band, np.ndarray]:
+    """One band and its errors at random points it never saw."""
+    lower = 0.0 if index == 0 else settings.bands[index - 1]
+    upper = settings.bands[index]
+    speeds = {rayleigh_speed(layer.material) for layer in track.ground}
+    training = training_set(lower, upper, settings.max_omega, settings.max_speed, sorted(speeds))
+    band = grow_band(section, lower, upper, training, settings.tolerance, settings.max_solves)
+    rng = np.random.Generator(np.random.Philox(key=[HELD_OUT_SEED, index]))
+    errors = []
+    for k, share in zip(rng.uniform(lower, upper, HELD_OUT), rng.random(HELD_OUT), strict=True):
+        omega = share * (settings.max_omega + k * settings.max_speed)
+        exact = outputs(section, k, solve(section, k, omega))
+        errors.append(output_error(band.outputs(k, np.array([omega]))[0], exact))
+    return band, np.array(errors)
 
-        Raises
-        ------
-        ValueError
-            If the speed or a frequency lies outside the range of the settings.
-        """
-        omegas = np.atleast_1d(np.asarray(omegas, dtype=float))
-        s = self.settings
-        if not 0.0 < speed <= s.max_speed:
-            raise ValueError(f"speed is {speed} m/s; it must lie in (0, {s.max_speed}]")
-        if omegas.size and not (omegas.min() >= 0.0 and omegas.max() <= s.max_omega):
-            raise ValueError(
-                f"driving frequencies span {omegas.min()}-{omegas.max()} rad/s; they must lie in "
-                f"[0, {s.max_omega}]"
-            )
-        for start in range(0, omegas.size, CHUNK):
-            yield from self._chunk(speed, omegas[start : start + CHUNK])
 
-    def _chunk(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
-        """Spectra for a few driving frequencies at once."""
-        q = self.quadrature
-        ahead = omegas[:, None] + q.nodes * speed
-        behind = omegas[:, None] - q.nodes * speed
-        ground = self._ground(np.concatenate([ahead, behind]))
-        k = np.concatenate([-q.nodes[::-1], q.nodes])
-        weights = np.concatenate([q.weights[::-1], q.weights])
-        for i, omega in enumerate(omegas):
-            positive = self._loaded(ground[i], ahead[i], 1.0)
-            reverse = ground[omegas.size + i]
-            negative = self._loaded(reverse, behind[i], np.where(behind[i] >= 0.0, 1.0, -1.0))
-            jump = jump_shares(q, omega / speed) if omega > 0.0 else None
-            if jump is not None:
-                at, share = jump
-                plus = self._loaded(reverse[at], behind[i][at], 1.0, at)
-                minus = self._loaded(reverse[at], behind[i][at], -1.0, at)
-                negative[at] = share[:, None] * plus + (1.0 - share)[:, None] * minus
-            negative[:, -self.grid.z.size :] *= -1.0  # τxz is odd in k
-            both = np.concatenate([negative[::-1], positive])
-            stress = both[:, 1:].reshape(k.size, 4, -1)
-            yield WavenumberSpectra(k, weights, np.ascontiguousarray(both[:, 0]), stress)
+def _basis_digest(track: SectionTrack, integration_depth: float, settings: Settings) -> str:
+    """Digest of what the bases depend on: not rail, pad, settlement laws, K0 or quadrature."""
+    plain = replace(settings, panel=1.0, panel_points=2)
+    description = _description(track, integration_depth, plain)
+    del description["track"]["pad"]
+    rail = description["track"]["rail"]
+    description["track"]["rail"] = [rail["offset"], rail["foot_width"]]
+    for layer in description["track"]["layers"]:
+        del layer["k0"], layer["name"]
+    return digest_of(description)
 
-    def at(self, wavenumber: float, omegas: np.ndarray) -> np.ndarray:
-        """Rail receptance and stresses [W, 1 + 4 Z] at one k ≥ 0 and several ω ≥ 0.
 
-        Straight from the reduced bases, for checks and plots; units as in ``WavenumberSpectra``.
-        """
-        uppers = np.array([band.upper for band in self.bands])
-        band = self.bands[min(int(np.searchsorted(uppers, wavenumber)), uppers.size - 1)]
-        values = band.outputs(wavenumber, omegas)
-        return self._coupled(values, np.full(omegas.size, wavenumber), omegas, 1.0)
-
-    def _ground(self, omegas: np.ndarray) -> np.ndarray:
-        """Section outputs per unit pad force for ω² at every node, [W, N, 1 + 4 Z]."""
-        return np.concatenate([band.outputs(omegas[:, band.nodes]) for band in self._modal], axis=1)
-
-    def _loaded(
-        self, ground: np.ndarray, omega: np.ndarray, sign: np.ndarray | float, at: slice = slice(None)
-    ) -> np.ndarray:
-        return self._coupled(ground, self.quadrature.nodes[at], omega, sign)
-
-    def _coupled(
-        self, ground: np.ndarray, k: np.ndarray, omega: np.ndarray, sign: np.ndarray | float
-    ) -> np.ndarray:
-        """Rail receptance and stresses under a unit force per wheelset, [N, 1 + 4 Z].
-
-        ``ground`` holds the outputs with the moduli of positive frequency; ``sign`` is the sign of
-        the frequency whose moduli are meant.
-        """
-        rail, pad = self.track.rail, self.track.pad
-        z = ground.shape[1] // 4
-        sign = np.broadcast_to(np.asarray(sign, dtype=float), k.shape)
-        values = np.where(sign[:, None] > 0.0, ground, ground.conj())
-        values[:, -z:] *= sign[:, None]
-        factor = 2.0 if self.track.damping_convention == "damping_ratio" else 1.0
-        bending = rail.bending_stiffness * (1.0 + 1j * factor * rail.damping * sign)
-        free = bending * k**4 - rail.mass_per_length * omega**2
-        support = 1.0 / (1.0 / (pad.stiffness + 1j * omega * pad.damping) + values[:, 0])
-        receptance = 0.5 / (free + support)
-        values = values * (support * receptance)[:, None]
-        values[:, 0] = receptance
-        return np.asarray(values)
+def _description(
+    track: SectionTrack, integration_depth: float, settings: Settings
+) -> dict[str, Any]:
+    """Everything a response depends on (the settlement laws are not part of it)."""
+    plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+    return {
+        "format": FORMAT,
+        "track": asdict(plain),
+        "integration_depth": integration_depth,
+        "settings": asdict(settings),
+    }

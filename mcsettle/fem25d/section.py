@@ -2,13 +2,14 @@
 
 ``build_section`` turns plain descriptions (mesh lines, a material for every cell, the loaded strip,
 the depths of the outputs) into the matrices that ``solve`` works on; ``track_section`` describes a
-ballasted track to it. The rail is not part of the mesh: a pad spreads its force evenly over the rail
-foot and takes the mean displacement under it, so rail and pad join the section in closed form
-(``response``).
+ballasted track to it. The rail is not part of the mesh: a pad spreads its force evenly over the
+rail foot and takes the mean displacement under it, so rail and pad join the section in closed form
+(``moving``).
 
-Depends on: track, transfer, element, grid, pml.
+Depends on: track, depth, element, grid, outputs, pml.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -36,9 +37,9 @@ from mcsettle.fem25d.grid import (
 from mcsettle.fem25d.outputs import stress_operators
 from mcsettle.fem25d.pml import Border
 from mcsettle.track import SectionTrack, depth_below_subgrade
-from mcsettle.transfer import DepthGrid
 
 AXIAL_RATIO = 1e-3  # E_x of the smeared sleepers over E of their concrete
+TOLERANCE_BREAK = 1e-6  # m, heights closer than this are one
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,9 @@ class MeshSettings:
 class Section:
     """Matrices of a cross-section on its free unknowns, n in number.
 
-    ``stiffness`` (K0, K1, K2) and ``mass`` are complex symmetric and share a pattern; ``load`` [n] is
-    a unit downward force spread over the strip, so ``load @ u`` is the mean downward displacement
-    there; ``stress0 + k stress1`` [4 Z, n] gives the stresses, component by component.
+    ``stiffness`` (K0, K1, K2) and ``mass`` are complex symmetric and share a pattern; ``load`` [n]
+    is a unit downward force spread over the strip, so ``load @ u`` is the mean downward
+    displacement there; ``stress0 + k stress1`` [4 Z, n] gives the stresses, component by component.
     """
 
     stiffness: tuple[sp.csc_matrix, sp.csc_matrix, sp.csc_matrix]
@@ -194,23 +195,18 @@ def track_lines(
     return with_border(y, mesh.border), with_border(depth, mesh.border)
 
 
-def _ground_lines(
-    track: SectionTrack, integration_depth: float, mesh: MeshSettings
-) -> np.ndarray:
+def _ground_lines(track: SectionTrack, integration_depth: float, mesh: MeshSettings) -> np.ndarray:
     """Lines from z = 0 down past every interface and the integration depth [m]."""
     interfaces = list(np.cumsum([w.height for w in track.ground[:-1]]))
     breaks = sorted({0.0, integration_depth, *(float(i) for i in interfaces)})
     position, first = np.array([0.0]), mesh.size
-    for a, b in zip(breaks, breaks[1:], strict=False):
+    for a, b in itertools.pairwise(breaks):
         if b - a < TOLERANCE_BREAK:
             continue
         piece = growing_lines(b - a, first, mesh.growth, mesh.largest)
         first = min((piece[-1] - piece[-2]) * mesh.growth, mesh.largest)
         position = np.concatenate([position, position[-1] + piece[1:]])
     return position
-
-
-TOLERANCE_BREAK = 1e-6  # m
 
 
 def _track_materials(
@@ -263,7 +259,7 @@ def _restricted(matrix: sp.csc_matrix, free: np.ndarray) -> sp.csc_matrix:
 
 
 def _strip_load(basis: skfem.Basis, strip: tuple[float, float], top: float) -> np.ndarray:
-    """Unit downward force spread evenly over a strip of the top line [N]."""
+    """Nodal forces of a unit downward force, even over a strip of the top line [N]."""
 
     def on_strip(x: np.ndarray) -> np.ndarray:
         return np.asarray((x[0] > strip[0]) & (x[0] < strip[1]) & (np.abs(x[1] - top) < 1e-9))
@@ -274,6 +270,3 @@ def _strip_load(basis: skfem.Basis, strip: tuple[float, float], top: float) -> n
     edge = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets, intorder=4)
     width = strip[1] - strip[0]
     return np.asarray(skfem.LinearForm(lambda v, w: -v[2] / width).assemble(edge))
-
-
-__all__ = ["DepthGrid", "Ground", "MeshSettings", "Section", "build_section", "track_section"]

@@ -24,12 +24,7 @@ SUPERLU: dict[str, Any] = {
 def operator(section: Section, wavenumber: float, omega: float) -> sp.csc_matrix:
     """Dynamic stiffness K0 + k K1 + k² K2 - ω² M at ω ≥ 0, complex symmetric [n, n]."""
     k0, k1, k2 = section.stiffness
-    data = (
-        k0.data
-        + wavenumber * k1.data
-        + wavenumber**2 * k2.data
-        - omega**2 * section.mass.data
-    )
+    data = k0.data + wavenumber * k1.data + wavenumber**2 * k2.data - omega**2 * section.mass.data
     return sp.csc_matrix((data, k0.indices, k0.indptr), shape=k0.shape)
 
 

@@ -1,0 +1,182 @@
+"""Step A as Step B sees it: the response of a ballasted track to a moving oscillating load.
+
+The reduced section gives H, the mean displacement under the rail foot, and the stresses per unit
+pad force. Rail (EI k⁴ - m ω²) and pad (p = k_p + iωc_p) join in closed form: with the support
+stiffness S = 1/(1/p + H) a force F on one rail gives the rail F/(EI k⁴ - mω² + S) and the pad S
+times that. A unit force per wheelset is F = 1/2 on each rail.
+
+Below zero frequency the hysteretic moduli are conjugate, so response(k, -ω) = conj response(-k, ω);
+σxx, σyy, σzz and the displacement are even in k, τxz is odd.
+
+Depends on: track, transfer, depth, quadrature, reduced, settings.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mcsettle.fem25d.depth import depth_grid, geostatic_stress
+from mcsettle.fem25d.modal import ModalBand, modal_bands
+from mcsettle.fem25d.quadrature import Quadrature, jump_shares, wavenumber_quadrature
+from mcsettle.fem25d.reduced import Band
+from mcsettle.fem25d.settings import Settings
+from mcsettle.track import Material, SectionTrack
+from mcsettle.transfer import DepthGrid, WavenumberSpectra
+
+CHUNK = 8  # driving frequencies evaluated together
+
+
+def rayleigh_speed(material: Material) -> float:
+    """Speed of the Rayleigh wave of a half-space [m/s], from its secular equation."""
+    ratio = (material.shear_wave_speed / material.pressure_wave_speed) ** 2
+    # x = (c_R/c_S)²: x³ - 8x² + (24 - 16 ratio) x - 16 (1 - ratio) = 0
+    roots = np.roots([1.0, -8.0, 24.0 - 16.0 * ratio, -16.0 * (1.0 - ratio)])
+    real = roots[np.abs(roots.imag) < 1e-9].real
+    x = real[(real > 0.0) & (real < 1.0)].min()
+    return float(material.shear_wave_speed * np.sqrt(x))
+
+
+@dataclass(frozen=True, eq=False)
+class SectionResponse:
+    """Response of a section track to a unit moving load per wheelset (a ``TrackResponse``).
+
+    ``bands`` are the reduced bases, ``errors`` [n] their relative errors against direct solutions
+    at random points (k, ω) the bases never saw, ``solves`` the number of direct solutions spent.
+    """
+
+    track: SectionTrack
+    integration_depth: float
+    settings: Settings
+    bands: tuple[Band, ...]
+    errors: np.ndarray
+    digest: str
+
+    @cached_property
+    def grid(self) -> DepthGrid:
+        """Depths at which stresses are given."""
+        return depth_grid(self.track, self.integration_depth)
+
+    @cached_property
+    def geostatic(self) -> np.ndarray:
+        """Geostatic stress [4, Z] Pa (compression negative, xz zero)."""
+        return geostatic_stress(self.track, self.grid)
+
+    @property
+    def rayleigh_speed(self) -> float:
+        """Rayleigh wave speed of the lowest layer [m/s]."""
+        return rayleigh_speed(self.track.layers[-1].material)
+
+    @property
+    def lowest_rayleigh_speed(self) -> float:
+        """Rayleigh wave speed of the softest ground layer [m/s]."""
+        return min(rayleigh_speed(layer.material) for layer in self.track.ground)
+
+    @property
+    def error_estimate(self) -> float:
+        """Largest relative error of the reduced bases at the held-out points."""
+        return float(np.max(self.errors))
+
+    @property
+    def solves(self) -> int:
+        """Direct solutions spent on the bases."""
+        return sum(band.solves for band in self.bands)
+
+    @cached_property
+    def quadrature(self) -> Quadrature:
+        """Rule over positive wavenumbers."""
+        s = self.settings
+        return wavenumber_quadrature(s.bands[-1], s.panel, s.panel_points)
+
+    @cached_property
+    def _modal(self) -> list[ModalBand]:
+        return modal_bands(self.bands, self.quadrature.nodes, self.settings)
+
+    def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
+        """Spectra at ``speed`` [m/s] for each driving frequency Ω of ``omegas`` [rad/s], in order.
+
+        Raises
+        ------
+        ValueError
+            If the speed or a frequency lies outside the range of the settings.
+        """
+        omegas = np.atleast_1d(np.asarray(omegas, dtype=float))
+        s = self.settings
+        if not 0.0 < speed <= s.max_speed:
+            raise ValueError(f"speed is {speed} m/s; it must lie in (0, {s.max_speed}]")
+        if omegas.size and not (omegas.min() >= 0.0 and omegas.max() <= s.max_omega):
+            raise ValueError(
+                f"driving frequencies span {omegas.min()}-{omegas.max()} rad/s; they must lie in "
+                f"[0, {s.max_omega}]"
+            )
+        for start in range(0, omegas.size, CHUNK):
+            yield from self._chunk(speed, omegas[start : start + CHUNK])
+
+    def _chunk(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
+        """Spectra for a few driving frequencies at once."""
+        q = self.quadrature
+        ahead = omegas[:, None] + q.nodes * speed
+        behind = omegas[:, None] - q.nodes * speed
+        ground = self._ground(np.concatenate([ahead, behind]))
+        k = np.concatenate([-q.nodes[::-1], q.nodes])
+        weights = np.concatenate([q.weights[::-1], q.weights])
+        for i, omega in enumerate(omegas):
+            positive = self._loaded(ground[i], ahead[i], 1.0)
+            reverse = ground[omegas.size + i]
+            negative = self._loaded(reverse, behind[i], np.where(behind[i] >= 0.0, 1.0, -1.0))
+            jump = jump_shares(q, omega / speed) if omega > 0.0 else None
+            if jump is not None:
+                at, share = jump
+                plus = self._loaded(reverse[at], behind[i][at], 1.0, at)
+                minus = self._loaded(reverse[at], behind[i][at], -1.0, at)
+                negative[at] = share[:, None] * plus + (1.0 - share)[:, None] * minus
+            negative[:, -self.grid.z.size :] *= -1.0  # τxz is odd in k
+            both = np.concatenate([negative[::-1], positive])
+            stress = both[:, 1:].reshape(k.size, 4, -1)
+            yield WavenumberSpectra(k, weights, np.ascontiguousarray(both[:, 0]), stress)
+
+    def at(self, wavenumber: float, omegas: np.ndarray) -> np.ndarray:
+        """Rail receptance and stresses [W, 1 + 4 Z] at one k ≥ 0 and several ω ≥ 0.
+
+        Straight from the reduced bases, for checks and plots; units as in ``WavenumberSpectra``.
+        """
+        uppers = np.array([band.upper for band in self.bands])
+        band = self.bands[min(int(np.searchsorted(uppers, wavenumber)), uppers.size - 1)]
+        values = band.outputs(wavenumber, omegas)
+        return self._coupled(values, np.full(omegas.size, wavenumber), omegas, 1.0)
+
+    def _ground(self, omegas: np.ndarray) -> np.ndarray:
+        """Section outputs per unit pad force for ω² at every node, [W, N, 1 + 4 Z]."""
+        return np.concatenate([band.outputs(omegas[:, band.nodes]) for band in self._modal], axis=1)
+
+    def _loaded(
+        self,
+        ground: np.ndarray,
+        omega: np.ndarray,
+        sign: np.ndarray | float,
+        at: slice = slice(None),
+    ) -> np.ndarray:
+        return self._coupled(ground, self.quadrature.nodes[at], omega, sign)
+
+    def _coupled(
+        self, ground: np.ndarray, k: np.ndarray, omega: np.ndarray, sign: np.ndarray | float
+    ) -> np.ndarray:
+        """Rail receptance and stresses under a unit force per wheelset, [N, 1 + 4 Z].
+
+        ``ground`` holds the outputs with the moduli of positive frequency; ``sign`` is the sign of
+        the frequency whose moduli are meant.
+        """
+        rail, pad = self.track.rail, self.track.pad
+        z = ground.shape[1] // 4
+        sign = np.broadcast_to(np.asarray(sign, dtype=float), k.shape)
+        values = np.where(sign[:, None] > 0.0, ground, ground.conj())
+        values[:, -z:] *= sign[:, None]
+        factor = 2.0 if self.track.damping_convention == "damping_ratio" else 1.0
+        bending = rail.bending_stiffness * (1.0 + 1j * factor * rail.damping * sign)
+        free = bending * k**4 - rail.mass_per_length * omega**2
+        support = 1.0 / (1.0 / (pad.stiffness + 1j * omega * pad.damping) + values[:, 0])
+        receptance = 0.5 / (free + support)
+        values = values * (support * receptance)[:, None]
+        values[:, 0] = receptance
+        return np.asarray(values)

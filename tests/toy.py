@@ -1,0 +1,90 @@
+"""The toy of Step B's tests: three-car trains on the closed-form track, a few realisations.
+
+Published settlement parameters would take years of traffic to the limit; ``FACTOR`` makes it about a
+month, so that every single axle passage can be followed.
+"""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+
+from mcsettle.beam import beam_response
+from mcsettle.case import Case
+from mcsettle.interaction import precompute
+from mcsettle.irregularity import default_section, sample_profiles, spectrum, wavenumbers
+from mcsettle.settlement import SettlementModel
+from mcsettle.track import TOY_TRACK, PowerLaw
+from mcsettle.traffic import Service, Timetable, Train
+from mcsettle.transfer import TransferFunctions
+from mcsettle.units import KMH
+from mcsettle.vehicle import FREIGHT, PASSENGER
+
+FACTOR = 300.0
+SD, SD_LIMIT, WINDOW = 1.03e-3, 1.5e-3, 200.0
+LAWS = tuple(layer.law for layer in TOY_TRACK.layers)
+# Every exponent 2: the second-order form is exact.
+QUADRATIC_LAWS = tuple(
+    replace(law, m=2.0) if isinstance(law, PowerLaw) else law for law in LAWS
+)
+TRAINS = {
+    "passenger": Train("passenger", (PASSENGER,) * 3),
+    "freight": Train("freight", (FREIGHT,) * 3),
+    "car": Train("car", (PASSENGER,)),
+}
+SPEEDS = {"passenger": 201 * KMH, "freight": 97 * KMH, "car": 201 * KMH}
+
+
+@functools.cache
+def response():
+    # 300 m is longer than the trains by the reach of their stresses; the tests compare Step B with
+    # itself, so the cut at 20 rad/m need not be converged.
+    return beam_response(TOY_TRACK, period=300.0, cutoff=20.0)
+
+
+@functools.cache
+def transfer(
+    train: str = "passenger", window: float = WINDOW, shortest: float = 3.0
+) -> TransferFunctions:
+    """Transfer functions of one train; ``shortest`` = 8 m leaves modes 6 to 25 of 200 m."""
+    modes = wavenumbers(window, shortest)
+    return precompute(TRAINS[train], SPEEDS[train], response(), modes)
+
+
+def model(**changes) -> SettlementModel:
+    return SettlementModel(**{"laws": LAWS, "settlement_factor": FACTOR, **changes})
+
+
+def case(
+    services=(("passenger", 72),),
+    window: float = WINDOW,
+    shortest: float = 3.0,
+    sd_limit: float = SD_LIMIT,
+    horizon: float = 1000.0,
+    **changes,
+) -> Case:
+    """Case of ``services`` (train, times a day); ``changes`` go to the settlement model."""
+    return Case(
+        timetable=Timetable(tuple(Service(TRAINS[t], SPEEDS[t], n) for t, n in services)),
+        transfers=tuple(transfer(t, window, shortest) for t, _ in services),
+        model=model(**changes),
+        window=window,
+        sd_limit=sd_limit,
+        horizon=horizon,
+    )
+
+
+def profiles(
+    indices, sd: float = SD, window: float = WINDOW, shortest: float = 3.0
+) -> np.ndarray:
+    """Initial amplitudes complex [R, K] m."""
+    return sample_profiles(
+        spectrum(), wavenumbers(window, shortest), window, 1, indices, sd, default_section(window)
+    )
+
+
+def cycles(settlement_model: SettlementModel, gone: float = 0.0) -> np.ndarray:
+    """Cycles [L] each layer has seen after ``gone`` more."""
+    before = [1.0 if law is None else settlement_model.cycles_before(law)
+              for law in settlement_model.laws]  # fmt: skip
+    return np.array(before) + gone
