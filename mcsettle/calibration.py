@@ -83,9 +83,9 @@ def calibrate(
         variant=variant,
         target_days=median_days,
         factor=factor,
-        # A median that came out low by chance asks for a smaller factor, and the other way round.
-        factor_low=search.solve(median_days**2 / high),
-        factor_high=search.solve(median_days**2 / low),
+        # A median that came out low by chance asks for a larger factor, and the other way round.
+        factor_low=search.solve(median_days**2 / low),
+        factor_high=search.solve(median_days**2 / high),
         median_days=median_days if median.value is None else median.value,
         realisations=len(profiles),
         seed=study.seed,
@@ -107,6 +107,7 @@ class _Search:
     def __init__(self, case: Case, profiles: np.ndarray, progress: Progress | None) -> None:
         self.case, self.profiles, self.progress = case, profiles, progress
         self.machine = engine.Engine(case)
+        self.known: dict[float, float] = {}
         self.evaluations = 0
 
     def outcome(self, factor: float, days: np.ndarray | None = None) -> Outcome:
@@ -117,8 +118,10 @@ class _Search:
         return self.machine.run(self.profiles, samples, np.full(len(self.profiles), factor))
 
     def median(self, factor: float) -> float:
-        median = _median(self.outcome(factor), self.case.horizon).value
-        return 2.0 * self.case.horizon if median is None else median
+        if factor not in self.known:
+            median = _median(self.outcome(factor), self.case.horizon).value
+            self.known[factor] = 2.0 * self.case.horizon if median is None else median
+        return self.known[factor]
 
     def solve(self, target: float) -> float:
         """Factor whose median is ``target`` days."""
@@ -128,12 +131,12 @@ class _Search:
 
         low, high = 0.0, np.log(30.0)
         while miss(low) < 0.0 and low > np.log(LOWEST):
-            low -= np.log(30.0)
+            low = max(low - np.log(30.0), np.log(LOWEST))
         while miss(high) > 0.0 and high < np.log(HIGHEST):
-            high += np.log(30.0)
+            high = min(high + np.log(30.0), np.log(HIGHEST))
         if miss(low) < 0.0 or miss(high) > 0.0:
             raise InputError(
                 f"no settlement factor between {LOWEST:g} and {HIGHEST:g} gives a median of "
                 f"{target:g} days"
             )
-        return float(np.exp(brentq(miss, low, high, xtol=1e-6)))
+        return float(np.exp(brentq(miss, low, high, xtol=1e-7)))

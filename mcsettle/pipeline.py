@@ -116,8 +116,8 @@ def run_study(
             for indices in todo:
                 tables = _shard(study, machine, variant, scenario, indices, batch, progress)
                 _write_shard(out, variant, scenario, indices, tables, provenance)
+    _drop_superseded(study, out, ranges)  # first: the effects pair rows of one run only
     _write_effects(study, out, provenance, ranges)
-    _drop_superseded(study, out, ranges)
     store.finish(out)
     rows = store.read(out, "realisations")
     n_failed = int(np.sum(np.asarray(rows["status"]) == "failed"))

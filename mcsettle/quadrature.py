@@ -16,6 +16,7 @@ ComplexArray = NDArray[np.complex128]
 _POINTS = 12  # Gauss points a panel
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_POINTS)
 _MAX_LEVELS = 40  # halvings of a panel
+_SHARE = 0.02  # of the tolerance that any panel may use: panels that end are far better than it
 
 
 def integrate(
@@ -51,7 +52,7 @@ def integrate(
         left, right = np.split(halves, 2, axis=1)
         scale = np.maximum(scale, np.abs(total))
         error = np.max(np.abs(left + right - whole) / (tolerance * scale[:, None]), axis=0)
-        done = error <= np.maximum((upper - lower) / span, 1e-3)
+        done = error <= np.maximum((upper - lower) / span, _SHARE)
         total += (left + right)[:, done].sum(axis=1)
         if np.all(done):
             return total

@@ -34,6 +34,7 @@ class Path:
     steps: np.ndarray
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # the error estimate sees to it
 def integrate(
     rate: Rate,
     state: np.ndarray,
@@ -75,11 +76,9 @@ def integrate(
         h = np.minimum(step[rows], end - time[rows])
         stages, new = _stages(rate, time[rows], u[rows], slope[rows], h, rows)
         error = _error(stages, h, u[rows], tolerance)
-        good = error <= 1.0
-        bad = ~np.isfinite(error) | (h < 1e-12)
+        take = error <= 1.0
         step[rows] = h * np.clip(0.9 * np.maximum(error, 1e-10) ** -0.2, 0.2, 5.0)
-        failed[rows[bad]] = True
-        take = good & ~bad
+        failed[rows[~take & (h < 1e-12)]] = True
         accepted = rows[take]
         if accepted.size:
             steps[accepted] += 1
@@ -121,12 +120,11 @@ def _combine(coefficients: np.ndarray, stages: np.ndarray) -> np.ndarray:
 
 
 def _error(stages: np.ndarray, h: np.ndarray, u: np.ndarray, tolerance: float) -> np.ndarray:
-    """Local error estimate over tolerance [A], amplitudes only."""
+    """Local error estimate over tolerance [A], amplitudes only; inf where the step overflowed."""
     difference = h[:, None] * _combine(RK45.E, stages)[:, :-1]
     size = np.sqrt(np.sum(np.abs(u[:, :-1]) ** 2, axis=1))
-    error = np.sqrt(np.sum(np.abs(difference) ** 2, axis=1))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return error / (tolerance * size)
+    error = np.sqrt(np.sum(np.abs(difference) ** 2, axis=1)) / (tolerance * size)
+    return np.where(np.isnan(error), np.inf, error)
 
 
 def _coefficients(u: np.ndarray, stages: np.ndarray, h: np.ndarray) -> np.ndarray:

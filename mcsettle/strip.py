@@ -107,12 +107,13 @@ def strip_compliance(
         compliance = surface_compliance(ground, np.hypot(wavenumber, ky), omega)
         return np.asarray((compliance * _spectrum(ky, width) ** 2 / math.pi)[None])
 
-    reach = max(1.0, width * _largest(ground, wavenumber, omega) / 10.0)
-    phase = (math.ceil(_LOBES * reach) + 0.5) * math.pi  # cos(ky b) = -1, sin(ky b) = 0 there
+    lobes = 2.5 * width * _largest(ground, wavenumber, omega) / math.pi
+    phase = (math.ceil(max(_LOBES, lobes)) + 0.5) * math.pi  # cos(ky b) = -1, sin(ky b) = 0
     edges = _edges(ground, wavenumber, omega, width, 2.0 * phase / width)
     modulus = ground.shear_modulus[0]
     modulus = modulus.conjugate() if omega < 0.0 else modulus
     tail = (1.0 - ground.poisson[0]) / (math.pi * modulus) / (4.0 * phase**2)
+    tail *= 1.0 - (wavenumber * width / phase) ** 2 / 16.0  # 1/κ for 1/ky
     return complex(integrate(integrand, edges, TOLERANCE)[0] + tail)
 
 
@@ -149,7 +150,7 @@ def beam_deflection(
     width: float,
     bending_stiffness: float,
     mass_per_length: float,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-4,
 ) -> Array:
     """Downward deflection [m/N] of a beam on layered ground under a constant moving load.
 
@@ -166,9 +167,7 @@ def beam_deflection(
 
     stiffness = abs(float(np.max(np.abs(ground.shear_modulus))))
     natural = (stiffness / bending_stiffness) ** 0.25  # 1/characteristic length
-    edges = np.concatenate(
-        [[0.0], natural * 4.0 ** np.arange(-11.0, 1.0), natural * np.array([8.0, 60.0])]
-    )
+    edges = natural * np.array([0.0, 1e-3, 0.01, 0.08, 0.3, 1.0, 3.0, 10.0, 60.0])
     return np.asarray(integrate(integrand, edges, tolerance).real)
 
 

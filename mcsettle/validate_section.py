@@ -51,6 +51,11 @@ def ground_section(
         [D] m below the surface, less than ``REAL_DEPTH``, none on an interface.
     mesh
         Element sizes and border; the production mesh by default.
+
+    Raises
+    ------
+    ValueError
+        If a depth lies on an interface or below the real mesh.
     """
     mesh = MeshSettings() if mesh is None else mesh
     near = uniform_lines([0.0, width / 2.0, width / 2.0 + 0.5], mesh.size)
@@ -58,6 +63,8 @@ def ground_section(
     y = with_border(np.concatenate([near, near[-1] + side[1:]]), mesh.border)
     interfaces = np.cumsum([layer.height for layer in layers[:-1]])
     breaks = [0.0, *interfaces.tolist(), REAL_DEPTH]
+    if np.any(np.isin(depths, breaks)) or np.any(depths > REAL_DEPTH):
+        raise ValueError(f"depths are {depths} m; they must lie between {breaks} m")
     depth = with_border(_graded(breaks, mesh), mesh.border)
     row = np.searchsorted(interfaces, depth.middle)
     return build_section(
@@ -133,7 +140,7 @@ def _compare(
 
 
 def section_reciprocity(name: str) -> Case:
-    """ux at one node for a vertical force at another, against uz there for a force along x.
+    """Displacement ux at one node for a vertical force at another, against uz there for a force along x.
 
     With u = (i ũx, uy, uz) the two are equal, damping and border included.
     """

@@ -1,6 +1,7 @@
 """Shared settings of the tests: one BLAS thread, the toy study."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -19,3 +20,22 @@ def root() -> Path:
 def toy_path() -> Path:
     """The toy study's file."""
     return ROOT / "studies" / "toy.toml"
+
+
+@pytest.fixture(scope="module")
+def fresh_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Step A is computed anew by the code under test; compiled kernels stay where they are.
+
+    Within the session the response of the toy track is computed once.
+    """
+    import toy
+
+    from mcsettle import step_a
+    from mcsettle.kernels import runtime
+
+    runtime.start()
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MCSETTLE_CACHE", str(folder))
+        patch.setattr(step_a, "beam_response", toy.beam_response_once)
+        yield folder

@@ -84,9 +84,7 @@ def test_rate_is_the_derivative(law):
 
 
 @pytest.mark.parametrize("law", LAWS)
-@given(
-    stress=st.floats(0.0, 1e7), cycles=st.floats(1.0, 1e9), more=st.floats(0.0, 1e9)
-)
+@given(stress=st.floats(0.0, 1e7), cycles=st.floats(1.0, 1e9), more=st.floats(0.0, 1e9))
 def test_strain_is_never_negative_and_grows_with_stress(law, stress, cycles, more):
     strain = strain_increment(law, [stress, 2.0 * stress], cycles, more)
     assert np.all(strain >= 0.0)

@@ -21,9 +21,7 @@ def both(amplitudes, model, axle=AXLE):
     transfer = toy.transfer()
     weights = weights_of(model)
     fast, uniform = growth(axle_form(transfer, axle, model, PAIRS), amplitudes, weights, PAIRS)
-    slow = settlement_of_passage(
-        amplitudes, axle, transfer, model, toy.cycles(model), toy.WINDOW
-    )
+    slow = settlement_of_passage(amplitudes, axle, transfer, model, toy.cycles(model), toy.WINDOW)
     return (fast[0], uniform[0]), (in_band(slow, MODES), slow.mean())
 
 
@@ -137,6 +135,4 @@ def test_expansion_error_is_nothing_for_quadratic_laws_and_small_for_the_others(
 
 
 def test_mode_numbers_of_the_toy_are_those_of_the_pairs():
-    np.testing.assert_array_equal(
-        mode_numbers(toy.transfer().wavenumbers, toy.WINDOW), MODES
-    )
+    np.testing.assert_array_equal(mode_numbers(toy.transfer().wavenumbers, toy.WINDOW), MODES)

@@ -140,3 +140,19 @@ def test_too_many_steps_is_a_failure():
     path = integrate(exponential, state(), 10.0, LIMIT, WHOLE, np.zeros(0), 1e-10, max_steps=3)
     assert path.failed.any()
     assert not (path.failed & path.reached).any()
+
+
+def test_a_first_step_that_overflows_is_tried_shorter():
+    """Growth of e^40 and more within the first step: rejected, not failed, not warned of."""
+
+    def fierce(time, u, rows):
+        slope = exponential(time, u, rows)
+        slope[:, :1] = 800.0 * (1 + np.abs(u[:, :1]) ** 6) * u[:, :1]
+        return slope
+
+    path = integrate(fierce, state(), 10.0, LIMIT, WHOLE, np.zeros(0), 1e-6)
+    assert path.reached.all()
+    # ∫ dr / 800 r (1 + r⁶) with r = √2 SD, from √2 to 2√2
+    r6 = np.array([8.0, 512.0])
+    exact = np.diff(np.log(r6 / (1 + r6)))[0] / 6 / 800
+    np.testing.assert_allclose(path.time, exact, rtol=1e-3)

@@ -5,7 +5,9 @@ month, so that every single axle passage can be followed.
 """
 
 import functools
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from mcsettle.case import Case
 from mcsettle.interaction import precompute
 from mcsettle.irregularity import default_section, sample_profiles, spectrum, wavenumbers
 from mcsettle.settlement import SettlementModel
+from mcsettle.study import Study
 from mcsettle.track import TOY_TRACK, PowerLaw
 from mcsettle.traffic import Service, Timetable, Train
 from mcsettle.transfer import TransferFunctions
@@ -24,15 +27,16 @@ FACTOR = 300.0
 SD, SD_LIMIT, WINDOW = 1.03e-3, 1.5e-3, 200.0
 LAWS = tuple(layer.law for layer in TOY_TRACK.layers)
 # Every exponent 2: the second-order form is exact.
-QUADRATIC_LAWS = tuple(
-    replace(law, m=2.0) if isinstance(law, PowerLaw) else law for law in LAWS
-)
+QUADRATIC_LAWS = tuple(replace(law, m=2.0) if isinstance(law, PowerLaw) else law for law in LAWS)
 TRAINS = {
     "passenger": Train("passenger", (PASSENGER,) * 3),
     "freight": Train("freight", (FREIGHT,) * 3),
     "car": Train("car", (PASSENGER,)),
 }
 SPEEDS = {"passenger": 201 * KMH, "freight": 97 * KMH, "car": 201 * KMH}
+
+
+beam_response_once = functools.cache(beam_response)
 
 
 @functools.cache
@@ -74,9 +78,7 @@ def case(
     )
 
 
-def profiles(
-    indices, sd: float = SD, window: float = WINDOW, shortest: float = 3.0
-) -> np.ndarray:
+def profiles(indices, sd: float = SD, window: float = WINDOW, shortest: float = 3.0) -> np.ndarray:
     """Initial amplitudes complex [R, K] m."""
     return sample_profiles(
         spectrum(), wavenumbers(window, shortest), window, 1, indices, sd, default_section(window)
@@ -88,3 +90,28 @@ def cycles(settlement_model: SettlementModel, gone: float = 0.0) -> np.ndarray:
     before = [1.0 if law is None else settlement_model.cycles_before(law)
               for law in settlement_model.laws]  # fmt: skip
     return np.array(before) + gone
+
+
+def study(**changes) -> Study:
+    """The toy study cut down: three cars, four realisations, about a month to the limit.
+
+    ``changes`` replace keys of its tables, as in ``run={"realisations": 8}``.
+    """
+    path = Path(__file__).resolve().parents[1] / "studies" / "toy.toml"
+    data = tomllib.loads(path.read_text(encoding="utf-8"))
+    data["trains"]["passenger"]["cars"] = 3
+    quick = {
+        "settlement": {"settlement_factor": FACTOR},
+        "limit": {"horizon_years": 2},
+        "run": {"realisations": 4, "history_days": [0, 5, 20, 40]},
+    }
+    data.pop("calibration", None)
+    data.pop("reference", None)
+    for name in {**quick, **changes}:
+        new = [table.get(name) for table in (quick, changes)]
+        if isinstance(data.get(name), dict):
+            for table in new:
+                data[name] |= table or {}
+        else:
+            data[name] = next(value for value in reversed(new) if value is not None)
+    return Study.from_mapping(data)

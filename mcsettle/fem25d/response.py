@@ -4,8 +4,10 @@ Depends on: track, cache, moving, reduced, section, settings, solve.
 """
 
 import multiprocessing
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,7 @@ from mcsettle.track import SectionTrack
 Progress = Callable[[int, int, str], None]
 HELD_OUT = 2  # random check points a band
 HELD_OUT_SEED = 8_230_451
+BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
 
 def section_response(
@@ -97,7 +100,10 @@ def _compute(
             report(i)
     else:
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(workers, count), mp_context=context) as pool:
+        with (
+            _one_blas_thread(),
+            ProcessPoolExecutor(min(workers, count), mp_context=context) as pool,
+        ):
             jobs = {
                 pool.submit(_task, track, integration_depth, settings, i): i for i in range(count)
             }
@@ -106,6 +112,20 @@ def _compute(
                 report(jobs[job])
     ordered = [done[i] for i in range(count)]
     return tuple(band for band, _ in ordered), np.concatenate([e for _, e in ordered])
+
+
+@contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Let processes spawned inside use one BLAS thread each: they read it when they start."""
+    before = os.environ.get(BLAS_THREADS)
+    os.environ[BLAS_THREADS] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[BLAS_THREADS]
+        else:
+            os.environ[BLAS_THREADS] = before
 
 
 _sections: dict[str, Section] = {}  # of a worker process: bands of one track share their section

@@ -26,9 +26,7 @@ def both(model, axles, amplitudes, cycles, train="passenger", shortest=3.0):
     change, uniform = np.zeros_like(amplitudes), np.zeros(len(amplitudes))
     for row, u in enumerate(amplitudes):
         for axle in axles:
-            settlement = settlement_of_passage(
-                u, axle, transfer, model, cycles[row], toy.WINDOW
-            )
+            settlement = settlement_of_passage(u, axle, transfer, model, cycles[row], toy.WINDOW)
             change[row] += in_band(settlement, modes)
             uniform[row] += settlement.mean()
     return kernel, (change, uniform)
