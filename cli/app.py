@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from mcsettle.cli.edge import PARTIAL, Progress, checked_folder, plainly, talk
+from mcsettle.cli.edge import PARTIAL, Progress, checked_folder, cores, plainly, talk
 
 app = typer.Typer(
     name="mcsettle",
@@ -110,6 +110,7 @@ def run(
         batch=batch,
         exact=exact,
         progress=Progress(),
+        processes=cores(),
     )
     for remark in getattr(finished, "remarks", ()):
         talk(f"remark: {remark}")
@@ -130,7 +131,8 @@ def summarise(
     ] = None,
 ) -> None:
     """Print days, reduction, elasticity and marginal cost, beside the study's reference values."""
-    from mcsettle.cli.views import draw, print_summary, summary_json
+    from mcsettle.cli.pictures import draw
+    from mcsettle.cli.views import print_summary, summary_json
     from mcsettle.summary import read_results, summary_rows
 
     results = read_results(folder)
@@ -167,7 +169,9 @@ def calibrate(
         raise InputError(f"--median-days is {median_days:g}; it must be positive and finite")
     from mcsettle.calibration import calibrate as find_factor
 
-    found = find_factor(loaded, scenario, median_days, variant=variant, progress=Progress())
+    found = find_factor(
+        loaded, scenario, median_days, variant=variant, progress=Progress(), processes=cores()
+    )
     typer.echo("\n".join(calibration_lines(found)))
 
 

@@ -31,6 +31,11 @@ def talk(message: str) -> None:
     typer.echo(message, err=True)
 
 
+def cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
 def plainly(command: Callable[P, R]) -> Callable[P, R]:
     """Wrap a command so that what the user can mend ends in a message and an exit code."""
 

@@ -1,6 +1,6 @@
 """What the commands print: tables, JSON and one picture, from a study and its results alone.
 
-Depends on: estimate, study, summary, economics, rich; matplotlib (when a picture is drawn).
+Depends on: estimate, study, summary, economics, rich.
 """
 
 import dataclasses
@@ -10,7 +10,6 @@ import os
 import platform
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -65,14 +64,15 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(width=None if sys.stdout.isatty() else 132, highlight=False)
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
     console.print(results.study.title or "untitled", style="bold", markup=False)
     for variant in results.study.variants:
         own = [row for row in rows if row.variant == variant.name]
         title = f"{variant.name}: {variant.title}" if variant.title else variant.name
         table = Table(title=title, title_justify="left", pad_edge=False)
-        for heading in ("scenario", "metric", "unit"):
-            table.add_column(heading, overflow="fold")
+        table.add_column("scenario", overflow="fold")
+        table.add_column("metric", no_wrap=True)
+        table.add_column("unit", overflow="fold")
         for heading in ("P5", "P50 ± s.e.", "P95", "n", "cens.", "published", "at"):
             table.add_column(heading, justify="right")
         previous = ""
@@ -114,78 +114,6 @@ def doctor_lines() -> Iterator[str]:
     yield "engine loads: yes"
 
 
-def draw(results: "Results", path: Path) -> None:
-    """Draw SD against time and the distribution of tamping intervals of the first variant.
-
-    Raises
-    ------
-    InputError
-        The file's ending names no picture format.
-    """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib.figure import Figure
-
-    from mcsettle.errors import InputError
-
-    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise InputError(f"--picture {path}: choose a name that ends in .png, .svg or .pdf")
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    variant = results.study.variants[0]
-    _draw_history(left, results, variant.name)
-    _draw_intervals(right, results, variant.name)
-    figure.suptitle(f"{results.study.title} ({variant.name})")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=150)
-
-
-def _draw_history(axes: Any, results: "Results", variant: str) -> None:
-    """Median SD and its P5–P95 band; a tamped realisation stays at the limit."""
-    limit = results.study.limit.sd_limit_mm
-    table = results.history
-    days = {0.0, *results.study.run.history_days}
-    for index, name in enumerate(results.study.scenario_names):
-        if table.empty:
-            break
-        own = table[(table["variant"] == variant) & (table["scenario"] == name)]
-        own = own[own["day"].isin(days)]  # each realisation's last day stands in the table too
-        grid = own.pivot_table(
-            index="day", columns=["parameter_set", "realisation"], values="sd_mm"
-        )
-        if grid.empty:
-            continue
-        low, middle, high = grid.fillna(limit).quantile([0.05, 0.5, 0.95], axis=1).to_numpy()
-        axes.fill_between(grid.index, low, high, color=f"C{index}", alpha=0.12, linewidth=0)
-        axes.plot(
-            grid.index, middle, color=f"C{index}", label=results.study.scenario(name).title or name
-        )
-    axes.axhline(limit, color="0.3", linestyle="--", linewidth=1)
-    axes.set(xlabel="days of traffic", ylabel="SD of the profile, 3–35 m [mm]")
-    axes.set_title("median and P5–P95 of the realisations", fontsize=10)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(frameon=False)
-
-
-def _draw_intervals(axes: Any, results: "Results", variant: str) -> None:
-    """Share of realisations tamped by each day, with the published day where there is one."""
-    import numpy as np
-
-    table = results.realisations
-    for index, name in enumerate(results.study.scenario_names):
-        own = table[(table["variant"] == variant) & (table["scenario"] == name)]
-        days = np.sort(own["tamping_interval_days"].dropna().to_numpy(dtype=float))
-        share = np.arange(1, len(days) + 1) / max(len(own), 1)
-        title = results.study.scenario(name).title or name
-        axes.step(days, share, where="post", color=f"C{index}", label=title)
-        for row in results.study.reference:
-            if row.metric == "tamping_interval_days" and row.scenario == name:
-                axes.plot([row.value], [0.5], "o", color=f"C{index}", markeredgecolor="k")
-    axes.set(xlabel="tamping interval [days]", ylabel="share tamped", ylim=(0, 1))
-    axes.set_title("distribution over realisations; dots: published value", fontsize=10)
-
-
 def _cells(row: "SummaryRow", first: bool) -> list[str]:
     middle = row.at(0.5)
     error = middle.standard_error
@@ -208,8 +136,9 @@ def _remarks(results: "Results") -> Iterator[str]:
         "the median. –: not reached, or not known for too many censored tracks."
     )
     yield "at: percentile of our realisations at which the published value falls."
-    for source in sorted({row.source for row in results.study.reference}):
-        yield f"published: {source}"
+    sources = sorted({row.source for row in results.study.reference})
+    if sources:
+        yield f"published: {'; '.join(sources)}"
     note = results.study.calibration
     if note is not None:
         target = f"{note.scenario} at {note.target_days:g} days"

@@ -53,6 +53,7 @@ def calibrate(
     median_days: float,
     variant: str | None = None,
     progress: Progress | None = None,
+    processes: int = 1,
 ) -> Calibration:
     """Settlement factor for a median of ``median_days`` in ``scenario`` (and first ``variant``).
 
@@ -67,7 +68,7 @@ def calibrate(
             f"the target is {median_days:g} days; it must lie between 0 and the horizon of "
             f"{study.limit.horizon_days:g} days ([limit] horizon_years)"
         )
-    prepared = step_a(study, progress)
+    prepared = step_a(study, progress, processes)
     case = build_case(study, prepared, variant, scenario)
     case = replace(case, model=replace(case.model, settlement_factor=1.0))
     profiles = initial_profiles(study, range(study.run.realisations))

@@ -77,6 +77,7 @@ def run_study(
     batch: int | None = None,
     exact: bool = False,
     progress: Progress | None = None,
+    processes: int = 1,
 ) -> Finished:
     """Run every variant and scenario of ``study`` into the folder ``out``; resumes what is there.
 
@@ -89,6 +90,7 @@ def run_study(
     batch : realisations advanced at a time; changes memory and speed, not results
     exact : update after every axle passage, whatever the study's stepping
     progress : called as progress(stage, done, total)
+    processes : spawned for Step A (more than 1 needs a main guard in the calling program)
 
     Raises
     ------
@@ -96,7 +98,7 @@ def run_study(
         The folder cannot be written or holds results of something else.
     """
     study = study.with_run(realisations, seed, "every_axle" if exact else None)
-    prepared = step_a(study, progress)
+    prepared = step_a(study, progress, processes)
     provenance = _provenance(study, prepared)
     ranges = list(_ranges(study.run.realisations))
     _refuse_smaller(out, study.run.realisations)

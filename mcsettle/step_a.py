@@ -69,20 +69,30 @@ def study_wavenumbers(study: Study) -> np.ndarray:
 
 
 def track_response(
-    track: Track, integration_depth: float, progress: Progress | None = None
+    track: Track,
+    integration_depth: float,
+    progress: Progress | None = None,
+    workers: int = 1,
 ) -> TrackResponse:
-    """Step A's track model for ``track``, stresses down to ``integration_depth`` [m] below z = 0."""
+    """Step A's track model for ``track``, stresses down to ``integration_depth`` [m] below z = 0.
+
+    ``workers`` > 1 spawns processes, so the calling program needs a main guard.
+    """
     if isinstance(track, BeamTrack):
         return beam_response(track, integration_depth)
     from mcsettle.fem25d import section_response
 
     return section_response(
-        track, integration_depth, cache=cache_folder(), progress=_reversed(progress)
+        track,
+        integration_depth,
+        cache=cache_folder(),
+        progress=_reversed(progress),
+        workers=workers,
     )
 
 
-def step_a(study: Study, progress: Progress | None = None) -> StepA:
-    """Transfer functions of every variant and scenario, computed once where equal, cached on disk."""
+def step_a(study: Study, progress: Progress | None = None, workers: int = 1) -> StepA:
+    """Transfer functions of every variant and scenario, computed once where equal, kept on disk."""
     modes = study_wavenumbers(study)
     responses: dict[tuple[Track, float], TrackResponse] = {}
     found: dict[tuple[Track, float, Service], TransferFunctions] = {}
@@ -96,7 +106,7 @@ def step_a(study: Study, progress: Progress | None = None) -> StepA:
                 key = (track, depth, Service(service.train, service.speed, 1))
                 if key not in found:
                     if (track, depth) not in responses:
-                        responses[track, depth] = track_response(track, depth, progress)
+                        responses[track, depth] = track_response(track, depth, progress, workers)
                     found[key] = _transfer(responses[track, depth], service, modes, progress)
                 group.append(found[key])
             transfers[variant, scenario] = tuple(group)

@@ -159,8 +159,9 @@ def _with_reference(
     unit = statistics[0].estimate.unit
     row = SummaryRow(variant, scenario, metric, unit, statistics)
     published = _reference(results.study, metric, scenario)
-    if published is None or not len(values):
-        return row
+    unknown = metric != INTERVAL and np.all(np.isnan(values))
+    if published is None or not len(values) or unknown:
+        return replace(row, reference=published)
     percent = 100.0 * float(np.mean(values < published.value))
     return replace(row, reference=published, reference_percent=percent)
 

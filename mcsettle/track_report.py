@@ -14,7 +14,7 @@ from mcsettle.units import KMH, KN, KPA, MM
 Row = tuple[str, float | str, str]
 
 
-def track_summary(study: Study, progress: Progress | None = None) -> list[Row]:
+def track_summary(study: Study, progress: Progress | None = None, processes: int = 1) -> list[Row]:
     """Rows (quantity, value, unit) for the track and for every distinct train and speed."""
     rows: list[Row] = []
     for variant in study.variant_names:
@@ -25,7 +25,7 @@ def track_summary(study: Study, progress: Progress | None = None) -> list[Row]:
             rows.append(
                 (f"{variant}: {layer.name}, shear wave speed", m.shear_wave_speed / KMH, "km/h")
             )
-    prepared, seen = step_a(study, progress), set()
+    prepared, seen = step_a(study, progress, processes), set()
     for (variant, _), group in prepared.transfers.items():
         for transfer in group:
             if transfer.digest not in seen:

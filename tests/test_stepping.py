@@ -76,6 +76,8 @@ def test_sampling_does_not_disturb():
     sampled = integrate(wavy, state(), 10.0, LIMIT, WHOLE, np.linspace(0, 10, 200), 1e-8)
     np.testing.assert_array_equal(sampled.time, without.time)
     np.testing.assert_array_equal(sampled.state, without.state)
+    after = np.linspace(0, 10, 200) > sampled.time[:, None]
+    np.testing.assert_array_equal(np.isnan(sampled.sd), after)
 
 
 def test_rows_do_not_know_each_other():
