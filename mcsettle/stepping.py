@@ -82,12 +82,13 @@ def integrate(
         accepted = rows[take]
         if accepted.size:
             steps[accepted] += 1
+            after = new if take.all() else new[take]
+            made = stages if take.all() else stages[:, take]
             theta, hit = _record(
-                u[accepted], stages[:, take], new[take], time[accepted], h[take],
+                u[accepted], made, after, time[accepted], h[take],
                 sd_limit, roughness, samples, sd, accepted,
             )  # fmt: skip
-            u[accepted] = _dense(u[accepted], stages[:, take], h[take], theta)
-            u[accepted[~hit]] = new[take][~hit]
+            u[accepted] = after
             time[accepted] += theta * h[take]
             slope[accepted] = stages[-1, take]
             reached[accepted[hit]] = True
@@ -129,12 +130,15 @@ def _error(stages: np.ndarray, h: np.ndarray, u: np.ndarray, tolerance: float) -
 
 def _coefficients(u: np.ndarray, stages: np.ndarray, h: np.ndarray) -> np.ndarray:
     """Interpolant u(θ) = Σ_p c_p θ^p over a step, c as [5, A, C]."""
-    powers = [h[:, None] * _combine(RK45.P[:, p], stages) for p in range(4)]
-    return np.stack([u, *powers])
+    c = np.empty((5, *u.shape), dtype=complex)
+    c[0] = u
+    for p in range(4):
+        np.multiply(h[:, None], _combine(RK45.P[:, p], stages), out=c[p + 1])
+    return c
 
 
-def _dense(u: np.ndarray, stages: np.ndarray, h: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    c = _coefficients(u, stages, h)
+def _dense(c: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Interpolant with coefficients c [5, A, C] at θ [A]."""
     total = c[4]
     for p in (3, 2, 1, 0):
         total = c[p] + theta[:, None] * total
@@ -153,17 +157,24 @@ def _record(
     sd: np.ndarray,
     rows: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Write the SD at the samples inside a step; return where each row stops, θ [A], and if it did."""
+    """Write the SD at the samples inside a step; return where each row stops, θ [A], and if it did.
+
+    ``new`` [A, C] becomes the state at the crossing where there is one.
+    """
     hit = roughness.sd(new[:, :-1]) >= sd_limit
     inside = (samples > time[:, None]) & (samples <= (time + h)[:, None])
     theta = np.ones(len(u))
     needed = np.flatnonzero(hit | inside.any(axis=1))
     if not needed.size:
         return theta, hit
-    c = _coefficients(u[needed], stages[:, needed], h[needed])
+    every = needed.size == len(u)
+    part = stages if every else stages[:, needed]
+    c = _coefficients(u if every else u[needed], part, h[needed])
     variance = _variance_polynomial(roughness.embed(c[:, :, :-1]))
     crossing = _bisect(variance, sd_limit**2)
     theta[needed] = np.where(hit[needed], crossing, 1.0)
+    stopped = hit[needed]
+    new[hit] = _dense(c[:, stopped], theta[hit])
     for column in np.flatnonzero(inside.any(axis=0)):
         at = (samples[column] - time[needed]) / h[needed]
         use = inside[needed, column] & (at <= theta[needed])
@@ -175,8 +186,9 @@ def _variance_polynomial(embedded: np.ndarray) -> np.ndarray:
     """Coefficients [9, A] of |Σ_p e_p θ^p|² for embedded interpolants e [5, A, P]."""
     total = np.zeros((9, embedded.shape[1]))
     for a in range(5):
-        for b in range(5):
-            total[a + b] += np.sum(embedded[a] * embedded[b], axis=-1)
+        total[2 * a] += np.sum(embedded[a] * embedded[a], axis=-1)
+        for b in range(a):
+            total[a + b] += 2.0 * np.sum(embedded[a] * embedded[b], axis=-1)
     return total
 
 
