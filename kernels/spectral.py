@@ -70,77 +70,6 @@ def evaluate_rates(
         )  # fmt: skip
 
 
-class March:
-    """State of up to CAPACITY realisations that are updated passage by passage."""
-
-    def __init__(
-        self, amplitudes: np.ndarray, power_limit: float, tables: Tables, n_groups: int
-    ) -> None:
-        self.n_real, n_modes = amplitudes.shape
-        if self.n_real > CAPACITY:
-            raise ValueError(f"{self.n_real} realisations; at most {CAPACITY} in one batch")
-        self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
-        self.fields = w = workspace(n_modes, n_groups)
-        w.u.from_numpy(self._tiled(np.stack([amplitudes.real, amplitudes.imag], axis=-1)))
-        start = np.sum(np.abs(amplitudes) ** 2, axis=1, keepdims=True) < power_limit
-        w.active.from_numpy(self._tiled(start.astype(float)[:, 0]))
-        w.uniform.fill(0.0)
-        w.passages.fill(0)
-
-    def advance(
-        self,
-        load: np.ndarray,
-        weights: np.ndarray,
-        form: np.ndarray,
-        constant: np.ndarray,
-        mean: np.ndarray,
-    ) -> None:
-        """Apply the updates ``load`` [N] with ``weights`` [N, G] to every active realisation."""
-        w = self.fields
-        burst(
-            load, weights, form, constant, mean, *self.tables, self.power_limit,
-            -(-self.n_real // LANES), self.n_groups,
-            w.u, w.du, w.active, w.power, w.uniform, w.passages,
-        )  # fmt: skip
-
-    def burst_size(self) -> int:
-        """Updates per launch: some tenths of a second, so that progress and Ctrl-C work."""
-        n_tiles = -(-self.n_real // LANES)
-        return max(64, int(4e8 / (n_tiles * LANES * 40 * len(self.tables[0]))))
-
-    def amplitudes(self) -> np.ndarray:
-        """Complex amplitudes [R, K], m."""
-        values = np.moveaxis(self.fields.u.to_numpy(), -1, 1)
-        values = values.reshape(CAPACITY, -1, 2)[: self.n_real]
-        return np.ascontiguousarray(values).view(complex)[..., 0]
-
-    def is_active(self) -> np.ndarray:
-        """[R] realisations below the limit."""
-        return self._lanes(self.fields.active) > 0.5
-
-    def any_active(self) -> bool:
-        """Whether any realisation is still below the limit."""
-        return bool(self.is_active().any())
-
-    def updates(self) -> np.ndarray:
-        """[R] updates applied to each realisation."""
-        return self._lanes(self.fields.passages)
-
-    def uniform(self) -> np.ndarray:
-        """[R] uniform settlement, m."""
-        return self._lanes(self.fields.uniform)
-
-    def _tiled(self, rows: np.ndarray) -> np.ndarray:
-        """[R, …] to [N_TILES, …, LANES], zero where there is no realisation."""
-        full = np.zeros((CAPACITY, *rows.shape[1:]))
-        full[: self.n_real] = rows
-        tiles = full.reshape(N_TILES, LANES, *rows.shape[1:])
-        return np.ascontiguousarray(np.moveaxis(tiles, 1, -1))
-
-    def _lanes(self, field: ti.Field) -> np.ndarray:
-        return field.to_numpy().reshape(-1)[: self.n_real]
-
-
 @ti.kernel
 def rates(
     u: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, K, 2] amplitudes
@@ -340,5 +269,6 @@ def burst(
             for lane in range(LANES):
                 if active[t, lane] > 0.5:
                     passages[t, lane] = passages[t, lane] + 1
-                    if power[t, lane] >= power_limit:
+                    # Written so that an amplitude that is no number stops, too.
+                    if not power[t, lane] < power_limit:
                         active[t, lane] = 0.0

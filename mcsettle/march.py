@@ -15,7 +15,7 @@ from mcsettle.roughness import Roughness
 from mcsettle.spectral import ModePairs, SettlementForm, axle_form, tables, train_form
 
 if TYPE_CHECKING:
-    from mcsettle.kernels import spectral
+    from mcsettle.kernels.march import March
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,11 @@ def march(
     tick: Callable[[float], None] | None = None,
 ) -> Outcome:
     """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``)."""
-    from mcsettle.kernels import spectral
+    from mcsettle.kernels.march import March
 
     plan = loads.plan
     n_groups = loads.constant.shape[1]
-    state = spectral.March(amplitudes, 2.0 * case.sd_limit**2, tables(loads.pairs), n_groups)
+    state = March(amplitudes, 2.0 * case.sd_limit**2, tables(loads.pairs), n_groups)
     history = np.full((len(amplitudes), len(sample_days)), np.nan)
     last = int(np.floor(case.horizon * len(plan.load)))
     sample_at = np.rint(sample_days * len(plan.load)).astype(np.int64)
@@ -73,7 +73,7 @@ def march(
 def _outcome(
     case: Case,
     plan: DayPlan,
-    state: "spectral.March",
+    state: "March",
     initial: np.ndarray,
     history: np.ndarray,
     measure: Roughness,

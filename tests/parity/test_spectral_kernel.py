@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import toy
 
-from mcsettle.kernels import runtime, spectral
+from mcsettle.kernels import march, runtime, spectral
 from mcsettle.spectral import axle_form, fast_growth, growth, mode_pairs, stacked, tables
 
 # Both sum some thousand products in f64 in another order: 1e-13 of the largest, with room.
@@ -95,7 +95,7 @@ def test_a_march_through_the_limit(n):
     load = rng.integers(0, 4, 400).astype(np.int32)
     weights = toy.FACTOR * 1.5e-4 * rng.random((400, 3))
     expected = numpy_march(amplitudes, limit, load, weights, loads, pairs)
-    state = spectral.March(amplitudes, limit, tables(pairs), 3)
+    state = march.March(amplitudes, limit, tables(pairs), 3)
     parts = [np.stack([getattr(f, name) for f in loads]) for name in ("constant", "mean")]
     form = np.stack([f.packed() for f in loads])
     for piece in (slice(0, 1), slice(1, 150), slice(150, 400)):
@@ -127,7 +127,7 @@ def test_a_broken_neighbour_is_not_felt():
 def test_a_batch_of_a_march_has_a_size():
     pairs, _ = forms(shortest=8.0)
     with pytest.raises(ValueError, match="at most 2048"):
-        spectral.March(np.zeros((spectral.CAPACITY + 1, 20)), 1.0, tables(pairs), 3)
+        march.March(np.zeros((spectral.CAPACITY + 1, 20)), 1.0, tables(pairs), 3)
 
 
 SCRIPT = """

@@ -1,0 +1,114 @@
+"""State of realisations that are updated passage by passage, on tiles of lanes.
+
+Realisations that have reached the limit are taken out and the others moved together as soon as that
+empties a tile: tracks differ by a factor of four in how long they last, and idle lanes cost as much as
+busy ones. A lane's result does not depend on its place, so moving changes nothing.
+
+Depends on: spectral kernels.
+"""
+
+import numpy as np
+import taichi as ti
+
+from mcsettle.kernels.spectral import CAPACITY, LANES, N_TILES, Tables, burst, workspace
+
+LAUNCH = 1e10  # floating-point operations in one launch: some tenths of a second on two cores
+
+
+class March:
+    """Up to CAPACITY realisations [R], of which the active ones occupy lanes."""
+
+    def __init__(
+        self, amplitudes: np.ndarray, power_limit: float, tables: Tables, n_groups: int
+    ) -> None:
+        n_real, n_modes = amplitudes.shape
+        if n_real > CAPACITY:
+            raise ValueError(f"{n_real} realisations; at most {CAPACITY} in one batch")
+        self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
+        self.fields = workspace(n_modes, n_groups)
+        self._u = np.array(amplitudes, dtype=complex)
+        self._active = np.sum(np.abs(amplitudes) ** 2, axis=1) < power_limit
+        self._uniform = np.zeros(n_real)
+        self._updates = np.zeros(n_real, dtype=np.int64)
+        self._load(np.flatnonzero(self._active))
+
+    @property
+    def n_tiles(self) -> int:
+        """Tiles in use."""
+        return -(-len(self._rows) // LANES)
+
+    def advance(
+        self,
+        load: np.ndarray,
+        weights: np.ndarray,
+        form: np.ndarray,
+        constant: np.ndarray,
+        mean: np.ndarray,
+    ) -> None:
+        """Apply the updates ``load`` [N] with ``weights`` [N, G] to every active realisation."""
+        w = self.fields
+        burst(
+            load, weights, form, constant, mean, *self.tables, self.power_limit,
+            self.n_tiles, self.n_groups, w.u, w.du, w.active, w.power, w.uniform, w.passages,
+        )  # fmt: skip
+        self._active[self._rows] = self._lanes(w.active) > 0.5
+        busy = int(self._active.sum())
+        if busy <= (self.n_tiles - 1) * LANES:
+            self._store()
+            self._load(np.flatnonzero(self._active))
+
+    def burst_size(self) -> int:
+        """Updates per launch, so that progress and Ctrl-C work."""
+        pairs = len(self.tables[0]) + len(self.tables[2])
+        return max(16, int(LAUNCH / (max(self.n_tiles, 1) * LANES * 16 * pairs)))
+
+    def amplitudes(self) -> np.ndarray:
+        """Complex amplitudes [R, K], m."""
+        self._store()
+        return self._u.copy()
+
+    def is_active(self) -> np.ndarray:
+        """[R] realisations below the limit."""
+        return self._active.copy()
+
+    def any_active(self) -> bool:
+        """Whether any realisation is still below the limit."""
+        return bool(self._active.any())
+
+    def updates(self) -> np.ndarray:
+        """[R] updates applied to each realisation."""
+        self._store()
+        return self._updates.copy()
+
+    def uniform(self) -> np.ndarray:
+        """[R] uniform settlement, m."""
+        self._store()
+        return self._uniform.copy()
+
+    def _load(self, rows: np.ndarray) -> None:
+        """Put the realisations ``rows`` into lanes, in order."""
+        self._rows, w = rows, self.fields
+        u = self._u[rows]
+        w.u.from_numpy(_tiled(np.stack([u.real, u.imag], axis=-1)))
+        w.active.from_numpy(_tiled(self._active[rows].astype(float)))
+        w.uniform.from_numpy(_tiled(self._uniform[rows]))
+        w.passages.from_numpy(_tiled(self._updates[rows]))
+
+    def _store(self) -> None:
+        """Bring the lanes' state back to their realisations."""
+        rows, w = self._rows, self.fields
+        values = np.moveaxis(w.u.to_numpy(), -1, 1).reshape(CAPACITY, -1, 2)[: len(rows)]
+        self._u[rows] = np.ascontiguousarray(values).view(complex)[..., 0]
+        self._uniform[rows] = self._lanes(w.uniform)
+        self._updates[rows] = self._lanes(w.passages)
+
+    def _lanes(self, field: ti.Field) -> np.ndarray:
+        return field.to_numpy().reshape(-1)[: len(self._rows)]
+
+
+def _tiled(rows: np.ndarray) -> np.ndarray:
+    """[A, …] to [N_TILES, …, LANES], zero where there is no realisation."""
+    full = np.zeros((CAPACITY, *rows.shape[1:]), dtype=rows.dtype)
+    full[: len(rows)] = rows
+    tiles = full.reshape(N_TILES, LANES, *rows.shape[1:])
+    return np.ascontiguousarray(np.moveaxis(tiles, 1, -1))
