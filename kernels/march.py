@@ -47,6 +47,7 @@ class March:
     ) -> None:
         """Apply the updates ``load`` [N] with ``weights`` [N, G] to every active realisation."""
         w = self.fields
+        self._check_owner()
         burst(
             load, weights, form, constant, mean, *self.tables, self.power_limit,
             self.n_tiles, self.n_groups, w.u, w.du, w.active, w.power, w.uniform, w.passages,
@@ -88,6 +89,7 @@ class March:
     def _load(self, rows: np.ndarray) -> None:
         """Put the realisations ``rows`` into lanes, in order."""
         self._rows, w = rows, self.fields
+        w.owner[:] = [self]
         u = self._u[rows]
         w.u.from_numpy(_tiled(np.stack([u.real, u.imag], axis=-1)))
         w.active.from_numpy(_tiled(self._active[rows].astype(float)))
@@ -97,10 +99,15 @@ class March:
     def _store(self) -> None:
         """Bring the lanes' state back to their realisations."""
         rows, w = self._rows, self.fields
+        self._check_owner()
         values = np.moveaxis(w.u.to_numpy(), -1, 1).reshape(CAPACITY, -1, 2)[: len(rows)]
         self._u[rows] = np.ascontiguousarray(values).view(complex)[..., 0]
         self._uniform[rows] = self._lanes(w.uniform)
         self._updates[rows] = self._lanes(w.passages)
+
+    def _check_owner(self) -> None:
+        if self.fields.owner != [self]:
+            raise RuntimeError("another run has used these fields: advance one march at a time")
 
     def _lanes(self, field: ti.Field) -> np.ndarray:
         return field.to_numpy().reshape(-1)[: len(self._rows)]

@@ -67,13 +67,17 @@ def version() -> str:
     return ".".join(str(part) for part in ti.__version__)
 
 
+def cache_name() -> str:
+    """Name of the folder of compiled kernels: Taichi's version and a digest of these sources."""
+    sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+    return f"taichi-{version()}-{hashlib.sha256(sources).hexdigest()[:12]}"
+
+
 def _cache_folder() -> Path:
     """Folder of compiled kernels: per user, per version of these sources; temporary if unwritable."""
-    sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
-    name = f"taichi-{version()}-{hashlib.sha256(sources).hexdigest()[:12]}"
     root = os.environ.get("MCSETTLE_CACHE")
     base = Path(root) if root else Path.home() / ".cache" / "mcsettle"
-    folder = base / name
+    folder = base / cache_name()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

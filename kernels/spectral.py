@@ -27,7 +27,10 @@ Tables = tuple[np.ndarray, ...]
 
 @dataclass(frozen=True)
 class Workspace:
-    """Fields of one band of modes, allocated once and reused for every batch of that size."""
+    """Fields of one band of modes, allocated once and reused for every batch.
+
+    ``owner`` holds whoever has left its state in them last: a march that finds another there stops.
+    """
 
     u: ti.Field
     du: ti.Field
@@ -36,6 +39,7 @@ class Workspace:
     power: ti.Field
     uniform: ti.Field
     passages: ti.Field
+    owner: list[object]
 
 
 @functools.cache
@@ -45,7 +49,7 @@ def workspace(n_modes: int, n_weights: int) -> Workspace:
     weight = ti.field(ti.f64, shape=(N_TILES, n_weights, LANES))
     lanes = [ti.field(ti.f64, shape=(N_TILES, LANES)) for _ in range(3)]
     passages = ti.field(ti.i64, shape=(N_TILES, LANES))
-    return Workspace(*state, weight, *lanes, passages)
+    return Workspace(*state, weight, *lanes, passages, [])
 
 
 def evaluate_rates(
@@ -60,6 +64,7 @@ def evaluate_rates(
 ) -> None:
     """Run ``rates`` on any number of realisations, CAPACITY at a time."""
     w = workspace(u.shape[1], len(constant))
+    w.owner[:] = ["rates"]
     for first in range(0, len(u), CAPACITY):
         part = slice(first, min(first + CAPACITY, len(u)))
         n_real = part.stop - part.start
