@@ -1,0 +1,63 @@
+"""Print finished runs as the Markdown tables of ``studies/README.md``.
+
+python studies/expected.py results/linespeed results/traffic
+"""
+
+import sys
+from pathlib import Path
+
+from mcsettle.summary import Results, SummaryRow, read_results, summary_rows
+
+METRICS = {
+    "tamping_interval_days": ("days", "{:.0f}"),
+    "reduction_percent": ("reduction, %", "{:.1f}"),
+    "elasticity": ("elasticity", "{:.2f}"),
+    "marginal_cost": ("marginal cost, £", "{:.3f}"),
+    "sd_growth_1y_mm": ("SD growth in a year, mm", "{:.4f}"),
+}
+
+
+def main() -> None:
+    """One table a run and variant: P5 / P50 ± error / P95, and where the published value falls."""
+    for folder in sys.argv[1:]:
+        results = read_results(Path(folder))
+        rows = summary_rows(results)
+        for variant in results.study.variants:
+            own = [r for r in rows if r.variant == variant.name and r.metric in METRICS]
+            print(
+                f"\n**{results.study.title}**, `{variant.name}` ({counts(results, variant.name)})\n"
+            )
+            print("| scenario | quantity | P5 | P50 ± s.e. | P95 | published | falls at |")
+            print("|---|---|---|---|---|---|---|")
+            for row in own:
+                print(line(row))
+
+
+def counts(results: Results, variant: str) -> str:
+    """Realisations a scenario, and the factor."""
+    table = results.realisations[results.realisations["variant"] == variant]
+    n = len(table) // max(table["scenario"].nunique(), 1)
+    factor = results.study.settlement_settings(variant).settlement_factor
+    return f"{n} tracks a scenario, settlement factor {factor:g}"
+
+
+def line(row: SummaryRow) -> str:
+    """One row of the table."""
+    name, form = METRICS[row.metric]
+
+    def shown(level: float) -> str:
+        value = row.at(level).value
+        return "not reached" if value is None else form.format(value)
+
+    error = row.at(0.5).standard_error
+    value = row.at(0.5).value
+    known = value is not None and error is not None and error > 1e-9 * abs(value)
+    middle = shown(0.5) + (f" ± {error:.2g}" if known else "")
+    published = f"{row.reference.value:g}" if row.reference else ""
+    percent = f"P{row.reference_percent:.0f}" if row.reference_percent is not None else ""
+    cells = (row.scenario, name, shown(0.05), middle, shown(0.95), published, percent)
+    return "| " + " | ".join(cells) + " |"
+
+
+if __name__ == "__main__":
+    main()
