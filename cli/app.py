@@ -3,8 +3,8 @@
 Everything heavy is imported inside the command that needs it, so that ``--help`` stays quick.
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
 
-Depends on: cli.edge, typer; inside the commands: calibration, errors, pipeline, study, summary,
-track_report, cli.views.
+Depends on: cli.edge, typer; inside the commands: doctor, errors, pipeline, study, summary, tornado,
+track_pictures, track_report, validate, cli.batches, cli.checks, cli.fitting, cli.spread, cli.views.
 """
 
 from pathlib import Path
@@ -12,7 +12,16 @@ from typing import Annotated
 
 import typer
 
-from mcsettle.cli.edge import PARTIAL, Progress, checked_folder, cores, plainly, talk
+from mcsettle.cli.edge import (
+    FAILED,
+    MISSED,
+    PARTIAL,
+    Progress,
+    checked_folder,
+    cores,
+    plainly,
+    talk,
+)
 
 app = typer.Typer(
     name="mcsettle",
@@ -20,7 +29,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     help="Track settlement under traffic: tamping intervals and marginal tamping costs. "
-    "Exit codes: 0 done, 2 bad input, 3 some realisations failed, 130 interrupted.",
+    "Exit codes: 0 done, 1 a check or a computation failed, 2 bad input, 3 some realisations "
+    "failed, 5 precision target missed, 130 interrupted.",
 )
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
@@ -86,32 +96,49 @@ def run(
     study: StudyFile,
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
     realisations: Annotated[int | None, typer.Option(min=1, help="Tracks to simulate.")] = None,
+    parameter_sets: Annotated[
+        int | None, typer.Option(min=1, help="Draws of the uncertain inputs.")
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the tracks.")] = None,
     threads: Threads = None,
     batch: Annotated[int | None, typer.Option(min=1, help="Realisations at a time.")] = None,
     exact: Annotated[
         bool, typer.Option("--exact", help="Update the profile after every axle passage.")
     ] = False,
+    until: Annotated[
+        str | None,
+        typer.Option(help='Precision to stop at, such as "tamping_interval median 2%".'),
+    ] = None,
+    max_minutes: Annotated[
+        float | None, typer.Option(min=0.0, help="Begin no batch that would end later.")
+    ] = None,
 ) -> None:
     """Run a study: every scenario and variant, results as Parquet in a folder."""
-    from mcsettle.pipeline import run_study
     from mcsettle.study import load_study
 
     loaded = load_study(study)
     checked_folder(out)
     for warning in loaded.warnings:
         talk(f"warning: {warning}")
-    finished = run_study(
-        loaded,
-        out,
-        realisations=realisations,
-        seed=seed,
-        threads=threads,
-        batch=batch,
-        exact=exact,
-        progress=Progress(),
-        processes=cores(),
-    )
+    options = {
+        "realisations": realisations,
+        "parameter_sets": parameter_sets,
+        "seed": seed,
+        "threads": threads,
+        "batch": batch,
+        "exact": exact,
+        "progress": Progress(),
+        "processes": cores(),
+    }
+    missed = False
+    if until is None and max_minutes is None:
+        from mcsettle.pipeline import run_study
+
+        finished = run_study(loaded, out, **options)
+    else:
+        from mcsettle.cli.batches import run_in_batches
+
+        finished, missed = run_in_batches(loaded, out, until, max_minutes, options)
     for remark in getattr(finished, "remarks", ()):
         talk(f"remark: {remark}")
     talk(f"Results in {out}. Next: mcsettle summarise {out}")
@@ -119,6 +146,8 @@ def run(
     if failed:
         talk(f"{failed} realisations failed; their rows say why.")
         raise typer.Exit(PARTIAL)
+    if missed:
+        raise typer.Exit(MISSED)
 
 
 @app.command()
@@ -150,14 +179,17 @@ def summarise(
 @plainly
 def calibrate(
     study: StudyFile,
-    scenario: Annotated[str, typer.Option(help="Scenario whose median is to be met.")],
-    median_days: Annotated[float, typer.Option(help="Median tamping interval to meet [days].")],
+    scenario: Annotated[str, typer.Option(help="Scenario that is observed.")],
+    median_days: Annotated[
+        float | None, typer.Option(help="Median tamping interval to meet [days].")
+    ] = None,
+    observations: Annotated[
+        str | None,
+        typer.Option(help="SDs of a section: CSV file (day, sd_mm, sd_error_mm) or d:sd:error,…"),
+    ] = None,
     variant: Annotated[str | None, typer.Option(help="Variant (default: the first).")] = None,
 ) -> None:
-    """Find the settlement factor that puts a scenario's median interval at the given days."""
-    import math
-
-    from mcsettle.cli.views import calibration_lines
+    """Find the settlement factor that meets a median interval, or the observed SDs of a section."""
     from mcsettle.errors import InputError
     from mcsettle.study import load_study
 
@@ -165,36 +197,108 @@ def calibrate(
     loaded.scenario(scenario)
     if variant is not None:
         loaded.variant(variant)
-    if not (median_days > 0.0 and math.isfinite(median_days)):
-        raise InputError(f"--median-days is {median_days:g}; it must be positive and finite")
-    from mcsettle.calibration import calibrate as find_factor
+    if (median_days is None) == (observations is None):
+        raise InputError("give either --median-days or --observations")
+    from mcsettle.cli.fitting import factor_for_median, factor_for_observations
 
-    found = find_factor(
-        loaded, scenario, median_days, variant=variant, progress=Progress(), processes=cores()
-    )
-    typer.echo("\n".join(calibration_lines(found)))
+    if observations is not None:
+        factor_for_observations(loaded, scenario, observations, variant)
+    elif median_days is not None:
+        factor_for_median(loaded, scenario, median_days, variant)
 
 
 @app.command()
 @plainly
-def track(study: StudyFile) -> None:
-    """Describe a study's track and trains: wave speeds, deflection, compliance, stresses."""
-    from mcsettle.cli.views import track_lines
+def tornado(
+    study: StudyFile,
+    variant: Annotated[str | None, typer.Option(help="Variant (default: the first).")] = None,
+    realisations: Annotated[int, typer.Option(min=1, help="Tracks of each run.")] = 32,
+    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Move each uncertain input to its P10 and P90, the others central, on the same tracks."""
+    from mcsettle.errors import InputError
     from mcsettle.study import load_study
 
     loaded = load_study(study)
-    from mcsettle.track_report import track_summary
+    if variant is not None:
+        loaded.variant(variant)
+    if not loaded.uncertain:
+        raise InputError(f"{study} has no [[uncertain]] inputs; add some to see what they do")
+    from mcsettle.cli.spread import print_tornado, tornado_json
+    from mcsettle.tornado import tornado as bars_of
 
-    typer.echo("\n".join(track_lines(track_summary(loaded, Progress()))))
+    bars = bars_of(loaded, variant, realisations, Progress(), cores())
+    if json_output:
+        typer.echo(tornado_json(bars))
+    else:
+        print_tornado(bars)
 
 
 @app.command()
 @plainly
-def doctor() -> None:
-    """Say what this installation consists of and whether its parts load."""
-    from mcsettle.cli.views import doctor_lines
+def track(
+    study: StudyFile,
+    out: Annotated[
+        Path | None, typer.Option(help="Also write pictures (PNG, SVG) and tables (CSV) there.")
+    ] = None,
+) -> None:
+    """Describe a study's track and trains: wave speeds, deflection, stresses, Table 4."""
+    from mcsettle.cli.views import table4_lines, track_lines
+    from mcsettle.study import load_study
 
-    typer.echo("\n".join(doctor_lines()))
+    loaded = load_study(study)
+    if out is not None:
+        checked_folder(out)
+    for warning in loaded.warnings:
+        talk(f"warning: {warning}")
+    from mcsettle.track_report import describe, increases_at_surface, track_cases
+
+    progress = Progress()
+    cases = track_cases(loaded, progress, cores())
+    for case in cases:
+        rows, table = describe(case), increases_at_surface(case, progress)
+        head = [f"== {case.variant}"] if len(cases) > 1 else []
+        typer.echo("\n".join([*head, *track_lines(rows), *table4_lines(table)]))
+        if out is not None:
+            from mcsettle.track_pictures import draw_track
+
+            folder = out / case.variant if len(cases) > 1 else out
+            written = draw_track(case, rows, table, folder, progress)
+            talk(f"Wrote {len(written)} files to {folder}")
+
+
+@app.command()
+@plainly
+def validate(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAMES]...", help="Cases (default: all).")
+    ] = None,
+    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Compare the models with closed forms and exact solutions; exit code 1 if one is missed."""
+    from mcsettle.cli.checks import cases_json, run_named_cases
+
+    cases = run_named_cases(names or [], Progress())
+    from mcsettle.validate import table
+
+    typer.echo(cases_json(cases) if json_output else table(cases))
+    if not all(case.passed for case in cases):
+        raise typer.Exit(FAILED)
+
+
+@app.command()
+@plainly
+def doctor(
+    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Check Python, libraries, Taichi, cores, cache and disk; say what to do; exit code 1 if ill."""
+    from mcsettle.cli.checks import doctor_json, doctor_lines
+    from mcsettle.doctor import examine
+
+    checks = examine()
+    typer.echo(doctor_json(checks) if json_output else "\n".join(doctor_lines(checks)))
+    if any(check.state == "failed" for check in checks):
+        raise typer.Exit(FAILED)
 
 
 def main() -> None:

@@ -1,7 +1,8 @@
 """Where the command line meets the user: messages, exit codes, folders, progress.
 
-Results go to stdout, talk to stderr. Exit codes: 0 done, 2 usage or bad input, 3 done with failed
-realisations, 130 interrupted.
+Results go to stdout, talk to stderr. Exit codes: 0 done, 1 a check or a computation failed, 2 usage
+or bad input, 3 done with failed realisations, 5 precision target missed, 130
+interrupted.
 
 Depends on: errors, typer.
 """
@@ -21,8 +22,10 @@ from mcsettle.errors import InputError, MissingPrecomputationError, NumericalErr
 P = ParamSpec("P")
 R = TypeVar("R")
 
+FAILED = 1
 BAD_INPUT = 2
 PARTIAL = 3
+MISSED = 5
 INTERRUPTED = 130
 
 
@@ -53,7 +56,7 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
             raise typer.Exit(BAD_INPUT) from None
         except NumericalError as error:
             talk(f"mcsettle: the computation failed: {error}")
-            raise typer.Exit(1) from None
+            raise typer.Exit(FAILED) from None
 
     return wrapped
 

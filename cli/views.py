@@ -1,13 +1,10 @@
 """What the commands print: tables, JSON and one picture, from a study and its results alone.
 
-Depends on: estimate, study, summary, economics, rich.
+Depends on: estimate, study, summary, units, views, cli.spread, rich.
 """
 
 import dataclasses
-import importlib.metadata
 import json
-import os
-import platform
 import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -16,8 +13,8 @@ if TYPE_CHECKING:
     from mcsettle.estimate import Estimate
     from mcsettle.study import Study
     from mcsettle.summary import Results, SummaryRow
-
-LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "pydantic", "scikit-fem", "taichi", "typer")
+    from mcsettle.track_report import Row
+    from mcsettle.views.table4 import Increase
 
 
 def study_lines(study: "Study") -> Iterator[str]:
@@ -64,6 +61,8 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from mcsettle.cli.spread import print_spread
+
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
     console.print(results.study.title or "untitled", style="bold", markup=False)
     for variant in results.study.variants:
@@ -80,6 +79,7 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
             table.add_row(*_cells(row, row.scenario != previous))
             previous = row.scenario
         console.print(table if own else f"{title}: no realisation has a result")
+        print_spread(own)
     for line in _remarks(results):
         console.print(line, markup=False)
 
@@ -92,26 +92,42 @@ def calibration_lines(found: Any) -> Iterator[str]:
             yield f"# {field.name}: {_value(getattr(found, field.name))}"
 
 
-def track_lines(summary: Any) -> Iterator[str]:
-    """Rows (quantity, value, unit) in columns."""
-    rows = [(str(name), _value(value), str(unit)) for name, value, unit in summary]
+def track_lines(rows: "list[Row]") -> Iterator[str]:
+    """Rows (quantity, value, unit) in columns, four digits."""
     width = max((len(name) for name, _, _ in rows), default=0)
     for name, value, unit in rows:
-        yield f"{name:<{width}}  {value:>12} {unit}".rstrip()
+        text = value if isinstance(value, str) else f"{value:.4g}"
+        yield f"{name:<{width}}  {text:>9} {unit}".rstrip()
 
 
-def doctor_lines() -> Iterator[str]:
-    """Versions, cores, and whether the engine loads."""
-    from mcsettle import __version__
+def table4_lines(table: "list[Increase]") -> Iterator[str]:
+    """Table 4: a line a definition, the published values below each kind; nothing if empty."""
+    from mcsettle.units import KMH
+    from mcsettle.views.table4 import DEFINITIONS, REALISATIONS
 
-    yield f"mcsettle {__version__}"
-    yield f"Python {platform.python_version()} on {platform.platform()}"
-    yield f"{len(os.sched_getaffinity(0))} cores for this process"
-    for name in LIBRARIES:
-        yield f"{name} {importlib.metadata.version(name)}"
-    import mcsettle.engine  # noqa: F401  (loads Taichi, or says why not)
+    if not table:
+        return
+    speeds = [f"{speed / KMH:.0f} km/h" for speed in dict.fromkeys(row.speed for row in table)]
+    yield ""
+    yield f"Increase of deviatoric stress at the subgrade surface over {speeds[0]} (Table 4), in %"
+    yield f"{'':<32}" + "".join(f"{speed:>23}" for speed in speeds[1:])
+    names = list(DEFINITIONS)
+    for name, following in zip(names, [*names[1:], ""], strict=True):
+        own = [row for row in table if row.definition == name][1:]
+        yield f"{name:<32}" + "".join(f"{_increase(row):>23}" for row in own)
+        last = name.split(",")[0] != following.split(",")[0]  # of its kind
+        if last and any(row.published is not None for row in own):
+            published = ["–" if row.published is None else f"{row.published:g}" for row in own]
+            yield f"{'  published':<32}" + "".join(f"{value:>23}" for value in published)
+    for name, meaning in DEFINITIONS.items():
+        yield f"{name}: {meaning}"
+    yield f"in brackets: P5 to P95 over {REALISATIONS} realisations of the profile"
+    yield from (f"published: {source}" for source in sorted({r.source for r in table if r.source}))
 
-    yield "engine loads: yes"
+
+def _increase(row: "Increase") -> str:
+    spread = "" if row.low == row.high else f" ({row.low:.1f} to {row.high:.1f})"
+    return f"{row.percent:.2f}{spread}"
 
 
 def _cells(row: "SummaryRow", first: bool) -> list[str]:
@@ -132,7 +148,7 @@ def _number(estimate: "Estimate") -> str:
 
 def _remarks(results: "Results") -> Iterator[str]:
     yield (
-        "P5, P50, P95: spread between realisations (track sections). ± s.e.: Monte Carlo error of "
+        f"P5, P50, P95: spread between {_what_varies(results)}. ± s.e.: Monte Carlo error of "
         "the median. –: not reached, or not known for too many censored tracks."
     )
     yield "at: percentile of our realisations at which the published value falls."
@@ -148,7 +164,15 @@ def _remarks(results: "Results") -> Iterator[str]:
         yield f"{failed} realisations failed; the column 'failure' says why."
 
 
+def _what_varies(results: "Results") -> str:
+    sets = results.realisations["parameter_set"].nunique()
+    tracks = "realisations (track sections)"
+    return tracks if sets == 1 else f"{tracks} and {sets} parameter sets (draws of the inputs)"
+
+
 def _json_row(row: "SummaryRow") -> dict[str, Any]:
+    from mcsettle.cli.spread import spread_json
+
     reference = row.reference.model_dump() if row.reference else None
     return {
         "variant": row.variant,
@@ -159,6 +183,7 @@ def _json_row(row: "SummaryRow") -> dict[str, Any]:
             {"statistic": s.statistic, "level": s.level, **dataclasses.asdict(s.estimate)}
             for s in row.statistics
         ],
+        "spread": spread_json(row),
         "reference": reference,
         "reference_percent": row.reference_percent,
     }

@@ -4,7 +4,7 @@ The factor multiplies every settlement increment. Published inputs taken literal
 slowly than the case studies report, so a factor is needed to speak of the same intervals; what it was
 fitted to, and on how many tracks, belongs to the result.
 
-Depends on: case, engine, errors, estimate, pipeline, step_a, study.
+Depends on: case, engine, errors, estimate, scene, step_a, study.
 """
 
 from dataclasses import dataclass, replace
@@ -14,13 +14,14 @@ from scipy.optimize import brentq
 
 from mcsettle import engine
 from mcsettle.case import Case, Outcome
-from mcsettle.errors import InputError
+from mcsettle.errors import InputError, NumericalError
 from mcsettle.estimate import Estimate, interval_quantile
-from mcsettle.pipeline import build_case, initial_profiles
+from mcsettle.scene import build_case, initial_profiles
 from mcsettle.step_a import Progress, step_a
 from mcsettle.study import Study
 
 LOWEST, HIGHEST = 1e-3, 1e6
+JUMP = 1e-3  # of the logarithm of the median: more is no rounding
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ class Calibration:
     """What was found and from what.
 
     ``factor`` makes the median of ``scenario`` equal ``target_days`` over ``realisations`` tracks;
-    ``factor_low`` and ``factor_high`` do so at the ends of the median's 95 % Monte Carlo interval;
+    ``factor_low`` and ``factor_high`` do so at the ends of the median's 95 % Monte Carlo interval,
+    and are None where that end is open or its median would lie beyond the horizon;
     ``uncalibrated_growth_mm`` is the median SD growth within the target days at factor 1.
     """
 
@@ -36,8 +38,8 @@ class Calibration:
     variant: str
     target_days: float
     factor: float
-    factor_low: float
-    factor_high: float
+    factor_low: float | None
+    factor_high: float | None
     median_days: float
     realisations: int
     seed: int
@@ -61,6 +63,8 @@ def calibrate(
     ------
     InputError
         The target is at or beyond the horizon, or no factor in [LOWEST, HIGHEST] reaches it.
+    NumericalError
+        Every track failed.
     """
     variant = variant or study.variant_names[0]
     if not 0.0 < median_days < study.limit.horizon_days:
@@ -76,30 +80,36 @@ def calibrate(
     factor = search.solve(median_days)
     outcome = search.outcome(factor)
     median = _median(outcome, case.horizon)
-    low, high = (median_days if v is None else v for v in (median.lower, median.upper))
+    # A median that came out low by chance asks for a larger factor, and the other way round.
+    low, high = (search.mirrored(median_days, end) for end in (median.lower, median.upper))
     plain = search.outcome(1.0, np.array([0.0, median_days]))
-    grown = np.where(np.isnan(plain.history[:, 1]), np.inf, plain.history[:, 1])
+    sound = ~plain.failed
+    late = np.isnan(plain.history[sound, 1])  # these have reached their limit before
+    grown = np.where(late, np.inf, plain.history[sound, 1]) - plain.sd_initial[sound]
     return Calibration(
         scenario=scenario,
         variant=variant,
         target_days=median_days,
         factor=factor,
-        # A median that came out low by chance asks for a larger factor, and the other way round.
-        factor_low=search.solve(median_days**2 / low),
-        factor_high=search.solve(median_days**2 / high),
+        factor_low=low,
+        factor_high=high,
         median_days=median_days if median.value is None else median.value,
         realisations=len(profiles),
         seed=study.seed,
-        uncalibrated_growth_mm=float(np.median(grown - plain.sd_initial)) * 1e3,
-        mean_settlement_mm=float(np.median(outcome.mean_settlement)) * 1e3,
+        uncalibrated_growth_mm=float(np.median(grown)) * 1e3,
+        mean_settlement_mm=float(np.median(outcome.mean_settlement[~outcome.failed])) * 1e3,
         evaluations=search.evaluations,
         transfer_digest=prepared.digest,
     )
 
 
 def _median(outcome: Outcome, horizon: float) -> Estimate:
-    """Kaplan–Meier median of the intervals, days."""
-    return interval_quantile(outcome.days, np.where(outcome.reached, np.nan, horizon), 0.5)
+    """Kaplan–Meier median of the intervals, days; tracks that failed are left out."""
+    if np.all(outcome.failed):
+        raise NumericalError("every track of the calibration overflowed; lower the factor")
+    ends = np.where(outcome.reached | outcome.failed, np.nan, horizon)
+    days = np.where(outcome.failed, np.nan, outcome.days)
+    return interval_quantile(days, ends, 0.5)
 
 
 class _Search:
@@ -124,6 +134,25 @@ class _Search:
             self.known[factor] = 2.0 * self.case.horizon if median is None else median
         return self.known[factor]
 
+    def mirrored(self, target: float, end: float | None) -> float | None:
+        """Factor for the median that lies from ``target`` as far as ``target`` from ``end``.
+
+        None where the end is open, or that median lies beyond the horizon: there every median
+        looks alike, and a search would stop at the horizon and not at the median.
+        """
+        if end is None or not target**2 / end < self.case.horizon:
+            return None
+        return self.solve(target**2 / end)
+
+    def _reach(self) -> str:
+        """The medians that factors can give, in words."""
+        ends = [self.median(factor) for factor in (HIGHEST, LOWEST)]
+        shown = [
+            f"{day:.4g}" if day < self.case.horizon else f"the horizon of {self.case.horizon:g}"
+            for day in ends
+        ]
+        return f"they reach from {shown[0]} to {shown[1]} days"
+
     def solve(self, target: float) -> float:
         """Factor whose median is ``target`` days."""
 
@@ -138,6 +167,13 @@ class _Search:
         if miss(low) < 0.0 or miss(high) > 0.0:
             raise InputError(
                 f"no settlement factor between {LOWEST:g} and {HIGHEST:g} gives a median of "
-                f"{target:g} days"
+                f"{target:g} days; {self._reach()}"
             )
-        return float(np.exp(brentq(miss, low, high, xtol=1e-7)))
+        factor = float(np.exp(brentq(miss, low, high, xtol=1e-7)))
+        if abs(miss(float(np.log(factor)))) > JUMP:
+            raise InputError(
+                f"the median of {len(self.profiles)} tracks jumps past {target:g} days at a factor of "
+                f"{factor:.6g}, from below it to beyond the horizon of {self.case.horizon:g} days; "
+                "set a later horizon ([limit] horizon_years) or take more realisations"
+            )
+        return factor

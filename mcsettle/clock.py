@@ -14,22 +14,27 @@ from mcsettle.settlement import cycle_increment, cycle_rate
 def cycles_at(case: Case, day: np.ndarray) -> np.ndarray:
     """Cycles N [E, …] of each service's groups at fractional ``day``, day-averaged.
 
-    With one shared count, a service meets the N of the middle of its block in the day: its offset from
-    the middle of the day keeps the order of the timetable to second order in a day's share of N.
+    A service meets the N of the middle of its block in the day: its offset from the middle of the day's
+    count keeps the order of the timetable to second order in a day's share of N.
     """
     model, day = case.model, np.asarray(day, dtype=float)
     axles = np.array([s.per_day * s.train.n_axles for s in case.timetable.services], dtype=float)
-    middle = np.cumsum(axles) - 0.5 * axles
     rows = []
     for s, own in enumerate(axles):
-        shared = model.cycles == "shared"
-        daily = axles.sum() if shared else own
-        offset = middle[s] - 0.5 * axles.sum() if shared else 0.0
+        counted = np.where(counted_with(case, s), axles, 0.0)
+        offset = counted[:s].sum() + 0.5 * own - 0.5 * counted.sum()
         for law in model.group_laws:
             before = model.cycles_before(law)
-            gone = model.cycles_per_passage * (daily * day + offset)
+            gone = model.cycles_per_passage * (counted.sum() * day + offset)
             rows.append(np.maximum(before + gone, before))
     return np.stack(rows)
+
+
+def counted_with(case: Case, service: int) -> np.ndarray:
+    """Which services [S] advance the count N that ``service`` meets: all, or those of its train."""
+    trains = [s.train for s in case.timetable.services]
+    shared = case.model.cycles == "shared"
+    return np.array([shared or train == trains[service] for train in trains])
 
 
 def daily_weights(case: Case, day: np.ndarray) -> np.ndarray:
@@ -81,14 +86,10 @@ def update_weights(
     day, within = np.divmod(index, len(plan.load))
     service, axles = plan.service[within], plan.axles[within]
     before = np.zeros(count)
-    if model.cycles == "shared":
-        start = np.concatenate([[0], np.cumsum(plan.axles)])
-        before = day * start[-1] + start[within]
-    else:
-        for s in range(len(case.timetable.services)):
-            own = np.where(plan.service == s, plan.axles, 0)
-            start = np.concatenate([[0], np.cumsum(own)])
-            before = np.where(service == s, day * start[-1] + start[within], before)
+    for s in np.unique(service):
+        counted = np.where(counted_with(case, s)[plan.service], plan.axles, 0)
+        start = np.concatenate([[0], np.cumsum(counted)])
+        before = np.where(service == s, day * start[-1] + start[within], before)
     weights = np.empty((count, len(model.group_laws)))
     for g, law in enumerate(model.group_laws):
         cycles = model.cycles_before(law) + model.cycles_per_passage * before

@@ -217,7 +217,8 @@ class Effects:
     """A scenario against its baseline, realisation by realisation, each array of shape [R].
 
     ``status`` is ``paired`` where both intervals are known, ``censored`` where one of them ran into
-    its horizon, ``failed`` where one has no result. ``reduction_percent``, ``elasticity`` and
+    its horizon, ``at_limit`` where the track was at its limit before any traffic, ``failed`` where one
+    has no result. ``reduction_percent``, ``elasticity`` and
     ``marginal_cost`` (in the unit of ``change``) are NaN unless paired. ``reduction_lower`` and
     ``reduction_upper`` bound the reduction in every pair by what censoring leaves known.
     """
@@ -259,12 +260,13 @@ def paired_effects(
     Raises
     ------
     InputError
-        If the arrays differ in length or an interval is not positive.
+        If the arrays differ in length or an interval is negative.
     """
     arrays = [np.asarray(a, dtype=float) for a in (base_days, days, base_censored_at, censored_at)]
-    if len({a.shape for a in arrays}) != 1 or any(np.any(a <= 0.0) for a in arrays):
-        raise InputError("paired intervals must be positive days in arrays of equal length")
-    first, second, first_limit, second_limit = arrays
+    if len({a.shape for a in arrays}) != 1 or any(np.any(a < 0.0) for a in arrays):
+        raise InputError("paired intervals must be days, none negative, in arrays of equal length")
+    rough = (arrays[0] == 0.0) | (arrays[1] == 0.0)
+    first, second, first_limit, second_limit = (np.where(rough, np.nan, a) for a in arrays)
     gamma = elasticity(first, second, change.base, change.changed)
     cost = marginal_cost(gamma, first / DAYS_PER_YEAR, tamping_cost, discount_rate, change.divisor)
     failed = np.isnan(np.fmax(first, first_limit)) | np.isnan(np.fmax(second, second_limit))
@@ -277,7 +279,11 @@ def paired_effects(
     longest = [_known(first, np.inf), _known(second, np.inf)]
     return Effects(
         change=change,
-        status=np.where(paired, "paired", np.where(failed, "failed", "censored")),
+        status=np.where(
+            rough,
+            "at_limit",
+            np.where(paired, "paired", np.where(failed, "failed", "censored")),
+        ),
         reduction_percent=_reduction_percent(first, second),
         elasticity=gamma,
         marginal_cost=cost,

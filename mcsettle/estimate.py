@@ -70,11 +70,15 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Statistic:
-    """An estimate and what it is: ``quantile`` at ``level``, ``mean`` or ``restricted_mean``."""
+    """An estimate and what it is: ``quantile`` at ``level``, ``mean``, ``restricted_mean``, others.
+
+    ``subject`` names an input or a length of line where the statistic is about one.
+    """
 
     statistic: str
     level: float | None
     estimate: Estimate
+    subject: str = ""
 
 
 def quantile(

@@ -51,6 +51,9 @@ def cycle_jump(
     samples = np.log1p(sample_days / scale)
     path = integrate(rate, state, end, case.sd_limit, measure, samples, tolerance)
     day = scale * np.expm1(path.time)
+    if len(case.timetable.services) > 1 and path.reached.any():
+        at = np.flatnonzero(path.reached)
+        day[at] = _in_timetable_order(case, growth, path.state[at, :-1], day[at], measure)
     return Outcome(
         reached=path.reached,
         failed=path.failed,
@@ -63,6 +66,39 @@ def cycle_jump(
         history=path.sd,
         steps=path.steps,
     )
+
+
+def _in_timetable_order(
+    case: Case, growth: Growth, amplitudes: np.ndarray, day: np.ndarray, measure: Roughness
+) -> np.ndarray:
+    """Day-averaged crossing days [A] as days of the ordered timetable.
+
+    Within its last day a track does not roughen evenly: each service adds its own share of the day's
+    growth of the variance, during its own share of the day's passages. The averaged day's fraction is
+    read as a fraction of the growth, and mapped to passages service by service.
+    """
+    services = case.timetable.services
+    n_groups = len(case.model.group_laws)
+    weights, embedded = daily_weights(case, day), measure.embed(amplitudes)
+    shares = []
+    for s in range(len(services)):
+        own = np.zeros_like(weights)
+        own[:, s * n_groups : (s + 1) * n_groups] = weights[:, s * n_groups : (s + 1) * n_groups]
+        change, _ = growth(amplitudes, own)
+        shares.append(np.sum(embedded * measure.embed(change), axis=1))
+    whole = np.sum(shares, axis=0)
+    done, passages, left = np.zeros(len(day)), np.zeros(len(day)), np.ones(len(day), bool)
+    fraction = day - np.floor(day)
+    for s, share in enumerate(shares):
+        axles = services[s].per_day * services[s].train.n_axles
+        part = share / whole
+        with np.errstate(divide="ignore", invalid="ignore"):
+            here = np.clip((fraction - done) / part, 0.0, 1.0)
+        ends = left & (part > 0.0) & (done + part >= fraction)
+        passages += np.where(ends, here * axles, np.where(left, float(axles), 0.0))
+        left &= ~ends
+        done = done + part
+    return np.floor(day) + passages / case.timetable.passages_per_day
 
 
 def spectral_growth(case: Case, pairs: ModePairs) -> Growth:

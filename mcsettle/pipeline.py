@@ -1,29 +1,42 @@
 """The chain: study → transfer functions → engine → tables. Run a study, or one scenario of it.
 
-Realisations are cut into shards of fixed index ranges; each shard is one atomic file per table, so an
-interrupted run goes on where it stopped and the tables do not depend on batches, threads or pauses.
+Realisations are cut into shards of fixed index ranges, one set of shards for each variant, scenario
+and parameter set; each shard is one atomic file per table, so an interrupted run goes on where it
+stopped and the tables do not depend on batches, threads or pauses.
 
-Depends on: case, economics, engine, errors, irregularity, step_a, store, study, units.
+Parameter sets cost what they touch: sets that differ in money alone share the rows of Step B, and
+Step A is computed once for all sets that agree on what it depends on.
+
+Depends on: draws, economics, engine, errors, rows, scene, step_a, store, study, summary,
+summary_table.
 """
 
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import mcsettle
-from mcsettle import economics, engine, store
-from mcsettle.case import Case, Outcome
+from mcsettle import economics, engine, rows, store
+from mcsettle.case import Case
+from mcsettle.draws import ParameterSet, all_sets
 from mcsettle.errors import InputError
-from mcsettle.irregularity import default_section, sample_profiles, spectrum
-from mcsettle.step_a import Progress, StepA, step_a, study_wavenumbers
+from mcsettle.scene import build_case, initial_profiles, sample_days, step_b_key
+from mcsettle.step_a import Progress, Shelf, StepA, step_a
 from mcsettle.study import Study, resolved_toml
-from mcsettle.units import DAYS_PER_YEAR, MGT, MM
+from mcsettle.summary import STUDY_FILE, read_results, summary_rows
+from mcsettle.summary_table import summary_columns
+
+__all__ = ["Finished", "build_case", "initial_profiles", "run_study", "sample_days"]
 
 SHARD = 2048
 CHECKED_REALISATIONS = 4
+CHECKED_SETS = 4
+SHARDED = ("realisations", "history", "effects")
 
 
 @dataclass(frozen=True)
@@ -35,37 +48,29 @@ class Finished:
     remarks: tuple[str, ...]
 
 
-def build_case(study: Study, prepared: StepA, variant: str, scenario: str) -> Case:
-    """The engine's description of one variant and scenario."""
-    settings = study.settlement_settings(variant)
-    return Case(
-        timetable=study.timetable(scenario),
-        transfers=prepared.transfers[variant, scenario],
-        model=settings.model(study.track(variant)),
-        window=study.profile.window_m,
-        sd_limit=study.limit.sd_limit,
-        horizon=study.limit.horizon_days,
-    )
+@dataclass
+class _Job:
+    """What the parts of one run share."""
 
+    study: Study
+    out: Path
+    provenance: store.Provenance
+    ranges: list[range]
+    threads: int | None
+    batch: int | None
+    progress: Progress | None
+    remarks: list[str] = field(default_factory=list)
 
-def initial_profiles(study: Study, indices: range) -> np.ndarray:
-    """Initial amplitudes complex [R, K] m of the realisations ``indices``, the same in every scenario."""
-    profile = study.profile
-    return sample_profiles(
-        spectrum(profile.spectrum, profile.fra_class),
-        study_wavenumbers(study),
-        profile.window_m,
-        study.seed,
-        indices,
-        sd=profile.sd,
-        section=default_section(profile.window_m),
-    )
+    def shard(self, member: ParameterSet, variant: str, scenario: str, indices: range) -> str:
+        """File name of a shard."""
+        own = member.index if self.study.uncertain else None
+        return store.shard_name(variant, scenario, indices.start, indices.stop - 1, own)
 
-
-def sample_days(study: Study) -> np.ndarray:
-    """Days at which histories are recorded: the study's, the start and the first year."""
-    days = {0.0, DAYS_PER_YEAR, *study.run.history_days}
-    return np.array(sorted(day for day in days if day <= study.limit.horizon_days))
+    def write(self, table: str, name: str, columns: dict[str, Any], indices: range) -> None:
+        """Write one shard."""
+        store.write(
+            self.out, table, name, columns, self.provenance, indices.start, indices.stop - 1
+        )
 
 
 def run_study(
@@ -78,6 +83,7 @@ def run_study(
     exact: bool = False,
     progress: Progress | None = None,
     processes: int = 1,
+    parameter_sets: int | None = None,
 ) -> Finished:
     """Run every variant and scenario of ``study`` into the folder ``out``; resumes what is there.
 
@@ -85,7 +91,7 @@ def run_study(
     ----------
     study : Study
     out : folder of the results
-    realisations, seed : replace the study's own
+    realisations, seed, parameter_sets : replace the study's own
     threads : Taichi threads (None: all cores)
     batch : realisations advanced at a time; changes memory and speed, not results
     exact : update after every axle passage, whatever the study's stepping
@@ -95,202 +101,229 @@ def run_study(
     Raises
     ------
     InputError
-        The folder cannot be written or holds results of something else.
+        A parameter set the study would refuse; the folder cannot be written or holds results of
+        something else.
     """
-    study = study.with_run(realisations, seed, "every_axle" if exact else None)
-    prepared = step_a(study, progress, processes)
-    provenance = _provenance(study, prepared)
+    from mcsettle.kernels import runtime
+
+    study = study.with_run(realisations, seed, "every_axle" if exact else None, parameter_sets)
+    members = all_sets(study)
+    shelf = Shelf.of(study) if study.uncertain else None
+    prepared = step_a(study, progress, processes, shelf)
+    runtime.start(threads)  # before anything starts it with other threads
     ranges = list(_ranges(study.run.realisations))
-    _refuse_smaller(out, study.run.realisations)
-    store.prepare(out, provenance)
-    store.write_text(out, "study.toml", resolved_toml(study))
-    remarks = []
-    for variant in study.variant_names:
-        for scenario in study.scenario_names:
-            case = build_case(study, prepared, variant, scenario)
-            todo = [r for r in ranges if not _is_done(out, variant, scenario, r)]
-            if not todo:
-                continue
-            remark = _check_expansion(study, case, variant, scenario)
-            remarks += [remark] if remark else []
-            run = study.run
-            machine = engine.Engine(case, run.stepping, run.right_hand_side, threads=threads)
-            for indices in todo:
-                tables = _shard(study, machine, variant, scenario, indices, batch, progress)
-                _write_shard(out, variant, scenario, indices, tables, provenance)
-    _drop_superseded(study, out, ranges)  # first: the effects pair rows of one run only
-    _write_effects(study, out, provenance, ranges)
+    job = _Job(study, out, _provenance(study, prepared), ranges, threads, batch, progress)
+    _refuse_smaller(out, study)
+    store.prepare(out, job.provenance)
+    store.write_text(out, STUDY_FILE, resolved_toml(study))
+    _step_b(job, members, prepared, shelf, processes)
+    _drop_superseded(job, members)  # first: the effects pair rows of one run only
+    _write_parameters(job, members)
+    _write_effects(job, members)
+    _write_summary(job)
     store.finish(out)
-    rows = store.read(out, "realisations")
-    n_failed = int(np.sum(np.asarray(rows["status"]) == "failed"))
-    return Finished(out, n_failed, tuple(remarks))
+    held = store.read(out, "realisations")
+    n_failed = int(np.sum(np.asarray(held["status"]) == "failed"))
+    return Finished(out, n_failed, tuple(job.remarks))
 
 
-def realisation_columns(
-    study: Study, variant: str, scenario: str, indices: range, case: Case, outcome: Outcome
-) -> dict[str, Any]:
-    """Columns of the ``realisations`` table for one batch."""
-    n = len(outcome.days)
-    reached, failed = outcome.reached, outcome.failed
-    year = int(np.flatnonzero(sample_days(study) == DAYS_PER_YEAR)[0]) if _has_year(study) else None
-    growth = np.full(n, np.nan) if year is None else outcome.history[:, year] - outcome.sd_initial
-    days_run = outcome.passages / case.timetable.passages_per_day
-    horizon = np.where(reached | failed, np.nan, study.limit.horizon_days)
-    reason = "the profile overflowed or the step collapsed"
-    return {
-        "variant": [variant] * n,
-        "scenario": [scenario] * n,
-        "parameter_set": np.zeros(n, np.int32),
-        "realisation": np.arange(indices.start, indices.stop),
-        "status": np.where(failed, "failed", np.where(reached, "reached", "censored")).tolist(),
-        "tamping_interval_days": _nullable(outcome.days),
-        "censored_at_days": _nullable(horizon),
-        "passages": outcome.passages,
-        "tonnage_mgt": days_run * case.timetable.mass_per_day / MGT,
-        "sd_initial_mm": outcome.sd_initial / MM,
-        "sd_final_mm": outcome.sd_final / MM,
-        "mean_settlement_mm": outcome.mean_settlement / MM,
-        "sd_growth_1y_mm": _nullable(growth / MM),
-        "failure": [reason if f else None for f in failed],
-    }
+def _step_b(
+    job: _Job,
+    members: list[ParameterSet],
+    central: StepA,
+    shelf: Shelf | None,
+    processes: int,
+) -> None:
+    """Write every missing shard of ``realisations`` and ``history``."""
+    twins: dict[tuple[str, str, str], ParameterSet] = {}
+    for member in members:
+        if job.progress is not None and len(members) > 1:
+            job.progress("Parameter sets", member.index, len(members))
+        prepared = None if job.study.uncertain else central
+        for variant in job.study.variant_names:
+            for scenario in job.study.scenario_names:
+                key = (variant, scenario, step_b_key(member.study, variant, scenario))
+                twin = twins.setdefault(key, member)
+                todo = [r for r in job.ranges if not _is_done(job, member, variant, scenario, r)]
+                if not todo:
+                    continue
+                if twin is not member:
+                    _copy(job, twin, member, variant, scenario, todo)
+                    continue
+                prepared = prepared or step_a(member.study, job.progress, processes, shelf)
+                case = build_case(member.study, prepared, variant, scenario)
+                _advance(job, member, variant, scenario, case, todo)
 
 
-def history_columns(
-    study: Study, variant: str, scenario: str, indices: range, outcome: Outcome
-) -> dict[str, Any]:
-    """Columns of the ``history`` table: SD at the sample days before the end, and at the end."""
-    days = np.broadcast_to(sample_days(study), outcome.history.shape)
-    end = np.where(outcome.reached, outcome.days, study.limit.horizon_days)
-    days = np.column_stack([days, end])
-    sd = np.column_stack([outcome.history, np.where(outcome.reached, outcome.sd_final, np.nan)])
-    row, column = np.nonzero(np.isfinite(sd))
-    n = len(row)
-    return {
-        "variant": [variant] * n,
-        "scenario": [scenario] * n,
-        "parameter_set": np.zeros(n, np.int32),
-        "realisation": row + indices.start,
-        "day": days[row, column],
-        "sd_mm": sd[row, column] / MM,
-    }
+def _advance(
+    job: _Job, member: ParameterSet, variant: str, scenario: str, case: Case, todo: list[range]
+) -> None:
+    """Compute the shards ``todo`` of one parameter set, variant and scenario."""
+    if member.index < CHECKED_SETS:
+        remark = _check_expansion(member, case, variant, scenario)
+        job.remarks += [remark] if remark else []
+    run = member.study.run
+    machine = engine.Engine(case, run.stepping, run.right_hand_side, threads=job.threads)
+    for indices in todo:
+        tables = _shard(job, member, machine, variant, scenario, indices)
+        name = job.shard(member, variant, scenario, indices)
+        for table, columns in tables.items():
+            job.write(table, name, columns, indices)
 
 
-def _is_done(out: Path, variant: str, scenario: str, indices: range) -> bool:
+def _copy(
+    job: _Job,
+    twin: ParameterSet,
+    member: ParameterSet,
+    variant: str,
+    scenario: str,
+    todo: list[range],
+) -> None:
+    """Shards of ``twin``, which has the same Step B, as those of ``member``."""
+    for indices in todo:
+        source = job.shard(twin, variant, scenario, indices)
+        target = job.shard(member, variant, scenario, indices)
+        for table in ("history", "realisations"):
+            columns = store.shard_columns(job.out / table / source)
+            n = len(columns["parameter_set"])
+            own = rows.input_columns(member, n) if table == "realisations" else {}
+            own["parameter_set"] = np.full(n, member.index, np.int32)
+            job.write(table, target, columns | own, indices)
+
+
+def _is_done(job: _Job, member: ParameterSet, variant: str, scenario: str, indices: range) -> bool:
     """Whether a shard is on disk, whole: ``realisations`` is written last."""
-    name = store.shard_name(variant, scenario, indices.start, indices.stop - 1)
-    history = store.shard_rows(out / "history" / name)
-    return store.shard_rows(out / "realisations" / name) == len(indices) and history is not None
+    name = job.shard(member, variant, scenario, indices)
+    history = store.shard_rows(job.out / "history" / name)
+    n = store.shard_rows(job.out / "realisations" / name)
+    return n == len(indices) and history is not None
 
 
 def _shard(
-    study: Study,
+    job: _Job,
+    member: ParameterSet,
     machine: engine.Engine,
     variant: str,
     scenario: str,
     indices: range,
-    batch: int | None,
-    progress: Progress | None,
 ) -> dict[str, dict[str, Any]]:
-    """Compute one shard: the columns of ``history`` and of ``realisations``, in that order."""
+    """One shard: the columns of ``history`` and of ``realisations``, in that order.
+
+    What a smaller run has left of it is taken over.
+    """
     text, horizon = f"Step B: {variant} {scenario}", int(machine.case.horizon)
 
     def tick(day: float) -> None:
-        if progress is not None:
-            progress(text + ", day", min(int(day), horizon), horizon)
+        if job.progress is not None:
+            job.progress(text + ", day", min(int(day), horizon), horizon)
 
-    rows, history = [], []
-    size = min(batch or SHARD, SHARD)
-    for first in range(indices.start, indices.stop, size):
+    study = member.study
+    done, history, outcomes = _begun(job, member, variant, scenario, indices)
+    size = min(job.batch or SHARD, SHARD)
+    for first in range(done, indices.stop, size):
         part = range(first, min(first + size, indices.stop))
         outcome = machine.run(initial_profiles(study, part), sample_days(study), tick=tick)
-        rows.append(realisation_columns(study, variant, scenario, part, machine.case, outcome))
-        history.append(history_columns(study, variant, scenario, part, outcome))
-        if progress is not None:
-            progress(text, part.stop, study.run.realisations)
-    return {"history": _joined(history), "realisations": _joined(rows)}
+        outcomes.append(
+            rows.realisation_columns(member, variant, scenario, part, machine.case, outcome)
+        )
+        history.append(rows.history_columns(member, variant, scenario, part, outcome))
+        if job.progress is not None and not job.study.uncertain:
+            job.progress(text, part.stop, study.run.realisations)
+    return {"history": rows.joined(history), "realisations": rows.joined(outcomes)}
 
 
-def _write_shard(
-    out: Path,
-    variant: str,
-    scenario: str,
-    indices: range,
-    tables: dict[str, dict[str, Any]],
-    provenance: store.Provenance,
-) -> None:
-    name = store.shard_name(variant, scenario, indices.start, indices.stop - 1)
-    for table, columns in tables.items():
-        store.write(out, table, name, columns, provenance, indices.start, indices.stop - 1)
+def _begun(
+    job: _Job, member: ParameterSet, variant: str, scenario: str, indices: range
+) -> tuple[int, list[dict[str, Any]], list[dict[str, Any]]]:
+    """Where a shard has to go on, and the columns that a smaller run has left of it."""
+    stem = job.shard(member, variant, scenario, indices).rsplit("-", 1)[0]
+    best, found = indices.start, ""
+    for path in (job.out / "realisations").glob(f"{stem}-*.parquet"):
+        stop = int(path.stem.rsplit("-", 1)[1]) + 1
+        sound = store.shard_rows(path) == stop - indices.start
+        sound = sound and store.shard_rows(job.out / "history" / path.name) is not None
+        if sound and best < stop < indices.stop:
+            best, found = stop, path.name
+    if not found:
+        return best, [], []
+    history = store.shard_columns(job.out / "history" / found)
+    return best, [history], [store.shard_columns(job.out / "realisations" / found)]
 
 
-def _write_effects(
-    study: Study, out: Path, provenance: store.Provenance, ranges: list[range]
-) -> None:
-    """Pair every scenario with the baseline, realisation by realisation."""
-    table = study.economics
-    if table is None:
+def _write_parameters(job: _Job, members: list[ParameterSet]) -> None:
+    """The table ``parameters`` of a study with uncertain inputs."""
+    if not job.study.uncertain:
         return
-    frame = store.read(out, "realisations").to_pandas()
-    for variant in study.variant_names:
-        own = frame[frame["variant"] == variant]
-        pivot = {s: g.sort_values("realisation") for s, g in own.groupby("scenario")}
-        for scenario in study.scenario_names:
-            change = study.change(scenario)
-            if change is None:
-                continue
-            base, other = pivot[table.baseline], pivot[scenario]
-            effects = economics.paired_effects(
-                base["tamping_interval_days"].to_numpy(float),
-                other["tamping_interval_days"].to_numpy(float),
-                base["censored_at_days"].to_numpy(float),
-                other["censored_at_days"].to_numpy(float),
-                change,
-                table.tamping_cost_gbp_per_track_km,
-                table.discount_rate,
-            )
-            _write_pairs(study, variant, scenario, effects, out, provenance, ranges)
+    name = f"sets-000000-{len(members) - 1:06d}.parquet"
+    columns = rows.parameter_columns(members)
+    job.write("parameters", name, columns, range(job.study.run.realisations))
+    for path in (job.out / "parameters").glob("*.parquet"):
+        if path.name != name:
+            path.unlink()
 
 
-def _write_pairs(
-    study: Study,
+def _write_effects(job: _Job, members: list[ParameterSet]) -> None:
+    """Pair every scenario with the baseline, realisation by realisation."""
+    if job.study.economics is None:
+        return
+    frame = store.read(job.out, "realisations").to_pandas()
+    own = ["variant", "parameter_set", "scenario"]
+    parts = {key: g.sort_values("realisation") for key, g in frame.groupby(own)}
+    for variant in job.study.variant_names:
+        for member in members:
+            for scenario in job.study.scenario_names:
+                effects = _effects(member, variant, scenario, parts)
+                if effects is None:
+                    continue
+                for indices in job.ranges:
+                    columns = rows.effect_columns(member, variant, scenario, indices, effects)
+                    name = job.shard(member, variant, scenario, indices)
+                    job.write("effects", name, columns, indices)
+
+
+def _effects(
+    member: ParameterSet,
     variant: str,
     scenario: str,
-    effects: economics.Effects,
-    out: Path,
-    provenance: store.Provenance,
-    ranges: list[range],
-) -> None:
-    assert study.economics is not None
-    for indices in ranges:
-        part = slice(indices.start, indices.stop)
-        n = len(indices)
-        columns = {
-            "variant": [variant] * n,
-            "scenario": [scenario] * n,
-            "baseline": [study.economics.baseline] * n,
-            "parameter_set": np.zeros(n, np.int32),
-            "realisation": np.arange(indices.start, indices.stop),
-            "status": effects.status[part].tolist(),
-            "reduction_percent": _nullable(effects.reduction_percent[part]),
-            "elasticity": _nullable(effects.elasticity[part]),
-            "marginal_cost": _nullable(effects.marginal_cost[part]),
-            "effect": [study.economics.effect] * n,
-        }
-        name = store.shard_name(variant, scenario, indices.start, indices.stop - 1)
-        store.write(out, "effects", name, columns, provenance, indices.start, indices.stop - 1)
+    parts: dict[Any, pd.DataFrame],
+) -> economics.Effects | None:
+    table, change = member.study.priced, member.study.change(scenario)
+    if table is None or change is None:
+        return None
+    base = parts[variant, member.index, table.baseline]
+    other = parts[variant, member.index, scenario]
+    return economics.paired_effects(
+        base["tamping_interval_days"].to_numpy(float),
+        other["tamping_interval_days"].to_numpy(float),
+        base["censored_at_days"].to_numpy(float),
+        other["censored_at_days"].to_numpy(float),
+        change,
+        table.tamping_cost_gbp_per_track_km,
+        table.discount_rate,
+    )
 
 
-def _check_expansion(study: Study, case: Case, variant: str, scenario: str) -> str | None:
+def _write_summary(job: _Job) -> None:
+    """The table ``summary``: every number of the summary with its error."""
+    results = read_results(job.out)
+    columns = summary_columns(summary_rows(results))
+    if len(columns["variant"]):
+        job.write("summary", "summary.parquet", columns, range(job.study.run.realisations))
+
+
+def _check_expansion(member: ParameterSet, case: Case, variant: str, scenario: str) -> str | None:
     """Compare the second-order form with every x and depth on fixed indices; a remark if it is off."""
+    study = member.study
     if study.run.right_hand_side != "spectral":
         return None
     n = min(CHECKED_REALISATIONS, study.run.realisations)
     profiles = initial_profiles(study, range(n))
     rough = engine.expansion_error(case, profiles)
     if rough > 3e-3:
+        where = f", parameter set {member.index}" if member.values else ""
         return (
-            f"{variant} {scenario}: the second-order form is off by {rough:.1%} of the growth; "
-            'set [run] right_hand_side = "pointwise"'
+            f"{variant} {scenario}{where}: the second-order form is off by {rough:.1%} of the "
+            'growth; set [run] right_hand_side = "pointwise"'
         )
     return None
 
@@ -314,37 +347,32 @@ def _ranges(n: int) -> Iterator[range]:
         yield range(first, min(n, first + SHARD))
 
 
-def _refuse_smaller(out: Path, n: int) -> None:
-    """Refuse a folder that already holds more realisations than asked for."""
-    held = [int(p.stem.rsplit("-", 1)[-1]) + 1 for p in (out / "realisations").glob("*.parquet")]
-    if held and max(held) > n:
-        raise InputError(
-            f"'{out}' holds {max(held)} realisations and {n} are asked for; "
-            "ask for at least as many, or give another folder"
-        )
+def _refuse_smaller(out: Path, study: Study) -> None:
+    """Refuse a folder that already holds more than is asked for."""
+    names = [path.stem for path in (out / "realisations").glob("*.parquet")]
+    held = [int(name.rsplit("-", 1)[-1]) + 1 for name in names]
+    sets = [int(found[1]) + 1 for name in names if (found := re.search(r"--set(\d+)--", name))]
+    for kind, n, asked in (
+        ("realisations", max(held, default=0), study.run.realisations),
+        ("parameter sets", max(sets, default=0), study.n_sets),
+    ):
+        if n > asked:
+            raise InputError(
+                f"'{out}' holds {n} {kind} and {asked} are asked for; "
+                "ask for at least as many, or give another folder"
+            )
 
 
-def _drop_superseded(study: Study, out: Path, ranges: list[range]) -> None:
+def _drop_superseded(job: _Job, members: list[ParameterSet]) -> None:
     """Remove shards of an earlier, smaller run that the shards of this one contain."""
     wanted = {
-        store.shard_name(v, s, r.start, r.stop - 1)
-        for v in study.variant_names
-        for s in study.scenario_names
-        for r in ranges
+        job.shard(member, v, s, r)
+        for member in members
+        for v in job.study.variant_names
+        for s in job.study.scenario_names
+        for r in job.ranges
     }
-    for table in ("realisations", "history", "effects"):
-        for path in (out / table).glob("*.parquet"):
+    for table in SHARDED:
+        for path in (job.out / table).glob("*.parquet"):
             if path.name not in wanted:
                 path.unlink()
-
-
-def _joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    return {key: [v for part in parts for v in part[key]] for key in parts[0]}
-
-
-def _nullable(values: np.ndarray) -> list[float | None]:
-    return [None if np.isnan(v) else float(v) for v in values]
-
-
-def _has_year(study: Study) -> bool:
-    return study.limit.horizon_days >= DAYS_PER_YEAR

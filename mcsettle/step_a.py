@@ -3,14 +3,17 @@
 What was computed once is kept in the cache folder under the digest of everything it depends on, so a
 change of Step B or of the economics costs nothing here.
 
-Depends on: beam, errors, fem25d, interaction, irregularity, study, track, traffic, transfer_file.
+Depends on: beam, errors, fem25d, interaction, irregularity, soil, study, track, traffic, transfer_file.
 """
 
 import hashlib
+import multiprocessing
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,11 +21,15 @@ from mcsettle.beam import beam_response
 from mcsettle.errors import InputError
 from mcsettle.interaction import HERTZ_STIFFNESS, precompute, transfer_digest
 from mcsettle.irregularity import wavenumbers
+from mcsettle.soil import SofteningSettings
 from mcsettle.study import Study
-from mcsettle.track import BeamTrack, Track
-from mcsettle.traffic import Service
+from mcsettle.track import BeamTrack, SectionTrack, Track
+from mcsettle.traffic import Service, Train
 from mcsettle.transfer import TrackResponse, TransferFunctions
 from mcsettle.transfer_file import load, save
+
+if TYPE_CHECKING:
+    from mcsettle.fem25d import SofteningHistory
 
 Progress = Callable[[str, int, int], None]
 
@@ -68,20 +75,81 @@ def study_wavenumbers(study: Study) -> np.ndarray:
     return wavenumbers(profile.window_m, profile.shortest_m, profile.longest_m)
 
 
+@dataclass(frozen=True)
+class Softened:
+    """What softens a ground: one train at one speed [m/s], by these choices.
+
+    In mixed traffic every service has a ground of its own: moduli are those of its own passage.
+    """
+
+    train: Train
+    speed: float
+    settings: SofteningSettings
+
+
+def softened_by(study: Study, variant: str | None, service: Service) -> Softened | None:
+    """What softens the ground of ``variant`` under ``service``; None where the soil is linear."""
+    settings = study.softening(variant)
+    return None if settings is None else Softened(service.train, service.speed, settings)
+
+
+def softening_history(
+    track: SectionTrack, integration_depth: float, softened: Softened
+) -> "SofteningHistory":
+    """How the softening under one service went (from disk where it was computed before).
+
+    Raises
+    ------
+    NumericalError
+        If it does not converge.
+    """
+    from mcsettle.fem25d.equivalent import softened_ground
+    from mcsettle.fem25d.settings import Settings
+
+    return softened_ground(
+        track,
+        softened.train,
+        softened.speed,
+        integration_depth,
+        Settings().mesh,
+        softened.settings,
+        cache_folder(),
+    ).history
+
+
 def track_response(
     track: Track,
     integration_depth: float,
     progress: Progress | None = None,
     workers: int = 1,
+    softened: "Softened | None" = None,
 ) -> TrackResponse:
     """Step A's track model for ``track``, stresses down to ``integration_depth`` [m] below z = 0.
 
-    ``workers`` > 1 spawns processes, so the calling program needs a main guard.
+    With ``softened`` the ground takes the moduli that fit the strains of that train at that speed
+    (equivalent-linear soil). ``workers`` > 1 spawns processes, so the calling program needs a main
+    guard.
+
+    Raises
+    ------
+    NumericalError
+        If the softening does not converge.
     """
     if isinstance(track, BeamTrack):
         return beam_response(track, integration_depth)
-    from mcsettle.fem25d import section_response
+    from mcsettle.fem25d import equivalent_linear_response, section_response
 
+    if softened is not None:
+        return equivalent_linear_response(
+            track,
+            softened.train,
+            softened.speed,
+            integration_depth,
+            softening=softened.settings,
+            cache=cache_folder(),
+            progress=_reversed(progress),
+            workers=workers,
+        )[0]
     return section_response(
         track,
         integration_depth,
@@ -91,29 +159,146 @@ def track_response(
     )
 
 
-def step_a(study: Study, progress: Progress | None = None, workers: int = 1) -> StepA:
-    """Transfer functions of every variant and scenario, computed once where equal, kept on disk."""
+Ground = tuple[Track, float, Softened | None]  # and the integration depth [m]
+
+
+@dataclass
+class Shelf:
+    """Step A at hand between the parameter sets of a study: its own and the last set's.
+
+    ``axle_loads`` [kg] are the study's own, by train. A train that differs in them alone has the
+    same dynamic response and a quasi-static one in proportion, so it is scaled, not computed.
+    """
+
+    responses: dict[Ground, TrackResponse] = field(default_factory=dict)
+    found: dict[tuple[Track, float, Softened | None, Service], TransferFunctions] = field(
+        default_factory=dict
+    )
+    axle_loads: dict[str, float] = field(default_factory=dict)
+    first: set[Any] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, study: Study) -> "Shelf":
+        """An empty shelf for the parameter sets of ``study``."""
+        linear = study.track_table.soil == "linear"
+        trains = study.trains.items() if linear else ()
+        return cls(axle_loads={name: train.cars[0].axle_load for name, train in trains})
+
+    def trim(self, used: set[Any]) -> None:
+        """Forget what was not used just now, nor the first time."""
+        self.first = self.first or used
+        for table in (self.responses, self.found):
+            for key in set(table) - used - self.first:
+                del table[key]  # type: ignore[arg-type]
+
+
+def step_a(
+    study: Study,
+    progress: Progress | None = None,
+    workers: int = 1,
+    shelf: Shelf | None = None,
+) -> StepA:
+    """Transfer functions of every variant and scenario, computed once where equal, kept on disk.
+
+    With a ``shelf`` what is on it is taken, and what was needed is put there.
+    """
+    share, shelf = shelf is not None, shelf or Shelf()
     modes = study_wavenumbers(study)
-    responses: dict[tuple[Track, float], TrackResponse] = {}
-    found: dict[tuple[Track, float, Service], TransferFunctions] = {}
-    transfers = {}
+    responses, found = shelf.responses, shelf.found
+    if workers > 1:
+        _soften_ahead(study, shelf, modes, progress, workers)
+    transfers, used = {}, set[Any]()
     for variant in study.variant_names:
-        track = study.track(variant)
+        # Settlement laws belong to Step B: parameter sets that differ in them share one response.
+        track = _without_laws(study.track(variant)) if share else study.track(variant)
         depth = study.settlement_settings(variant).integration_depth_m
         for scenario in study.scenario_names:
             group = []
             for service in study.timetable(scenario).services:
-                key = (track, depth, Service(service.train, service.speed, 1))
+                softened = softened_by(study, variant, service)
+                ground = (track, depth, softened)
+                key = (*ground, Service(service.train, service.speed, 1))
                 if key not in found:
-                    if (track, depth) not in responses:
-                        responses[track, depth] = track_response(track, depth, progress, workers)
-                    found[key] = _transfer(responses[track, depth], service, modes, progress)
+                    if ground not in responses:
+                        responses[ground] = track_response(*ground[:2], progress, workers, softened)
+                    found[key] = _transfer(
+                        responses[ground], service, modes, progress, shelf.axle_loads
+                    )
                 group.append(found[key])
+                used |= {key, ground}
             transfers[variant, scenario] = tuple(group)
+    shelf.trim(used)
     return StepA(transfers)
 
 
+def _soften_ahead(
+    study: Study, shelf: Shelf, modes: np.ndarray, progress: Progress | None, workers: int
+) -> None:
+    """Compute the softened grounds of a study side by side, and leave them in the cache folder."""
+    jobs: dict[tuple[Track, float, Softened], None] = {}
+    for variant in study.variant_names:
+        track = _without_laws(study.track(variant))
+        depth = study.settlement_settings(variant).integration_depth_m
+        for scenario in study.scenario_names:
+            for service in study.timetable(scenario).services:
+                softened = softened_by(study, variant, service)
+                if softened is not None and (track, depth, softened) not in shelf.responses:
+                    jobs[track, depth, softened] = None
+    if len(jobs) < 2:
+        return
+    from mcsettle.fem25d.response import one_blas_thread
+
+    context = multiprocessing.get_context("spawn")
+    with (
+        one_blas_thread(),
+        ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool,
+    ):
+        running = [pool.submit(_ahead, *job, modes) for job in jobs]
+        for done, finished in enumerate(as_completed(running), 1):
+            finished.result()
+            if progress is not None:
+                progress("Step A: equivalent-linear grounds", done, len(jobs))
+
+
+def _ahead(track: Track, depth: float, softened: Softened, modes: np.ndarray) -> None:
+    """One softened ground and its transfer functions, into the cache folder."""
+    response = track_response(track, depth, softened=softened)
+    _computed(response, Service(softened.train, softened.speed, 1), modes, None)
+
+
+def _without_laws(track: Track) -> Track:
+    return replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+
+
+def scaled_to(transfer: TransferFunctions, ratio: float, digest: str) -> TransferFunctions:
+    """``transfer`` of the same train under axle loads ``ratio`` times as large."""
+    return replace(
+        transfer,
+        quasi_static=transfer.quasi_static * ratio,
+        rail_deflection=transfer.rail_deflection * ratio,
+        digest=digest,
+    )
+
+
 def _transfer(
+    response: TrackResponse,
+    service: Service,
+    modes: np.ndarray,
+    progress: Progress | None,
+    axle_loads: dict[str, float],
+) -> TransferFunctions:
+    """One set of transfer functions, scaled from that of the train's axle load in ``axle_loads``."""
+    train = service.train
+    load, own = axle_loads.get(train.name), train.cars[0].axle_load
+    if load is None or load == own or len({car.axle_load for car in train.cars}) > 1:
+        return _computed(response, service, modes, progress)
+    cars = tuple(replace(car, axle_load=load) for car in train.cars)
+    base = replace(service, train=replace(train, cars=cars))
+    digest = transfer_digest(train, service.speed, modes, HERTZ_STIFFNESS, response.digest)
+    return scaled_to(_computed(response, base, modes, progress), own / load, digest)
+
+
+def _computed(
     response: TrackResponse, service: Service, modes: np.ndarray, progress: Progress | None
 ) -> TransferFunctions:
     """One set of transfer functions, from the cache if it is there and sound."""

@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 from mcsettle.errors import InputError
 from mcsettle.files import sha256, writable, write_whole
 from mcsettle.files import write_text as write_text
-from mcsettle.tables import TABLES, data_dictionary
+from mcsettle.tables import TABLES, data_dictionary, schema_of
 
 Values = Sequence[Any] | np.ndarray
 
@@ -88,15 +88,22 @@ def read_provenance(folder: Path) -> Provenance:
         raise InputError(f"'{path}' is damaged ({error}); start again in another folder") from error
 
 
-def shard_name(variant: str, scenario: str, first: int, last: int) -> str:
+def shard_name(
+    variant: str, scenario: str, first: int, last: int, parameter_set: int | None = None
+) -> str:
     """File name of the shard of realisations ``first`` to ``last``, both included.
+
+    ``parameter_set`` is None in a study without uncertain inputs.
 
     Examples
     --------
     >>> shard_name("base", "A", 0, 255)
     'base--A--00000000-00000255.parquet'
+    >>> shard_name("base", "A", 0, 63, 3)
+    'base--A--set000003--00000000-00000063.parquet'
     """
-    return f"{slug(variant)}--{slug(scenario)}--{first:08d}-{last:08d}.parquet"
+    of_set = "" if parameter_set is None else f"set{parameter_set:06d}--"
+    return f"{slug(variant)}--{slug(scenario)}--{of_set}{first:08d}-{last:08d}.parquet"
 
 
 def slug(name: str) -> str:
@@ -176,7 +183,7 @@ def to_arrow(table: str, columns: Mapping[str, Values]) -> pa.Table:
     InputError
         As ``write``.
     """
-    schema = TABLES[table].schema
+    schema = schema_of(table, columns)
     if set(columns) != set(schema.names):
         odd = sorted(set(columns) ^ set(schema.names))
         raise InputError(f"table '{table}' wants the columns {schema.names}; differing: {odd}")
@@ -217,6 +224,12 @@ def read(folder: Path, table: str) -> pa.Table:
             "its shards overlap: remove those not of this run"
         )
     return data
+
+
+def shard_columns(path: Path) -> dict[str, list[Any]]:
+    """Values by column of one sound shard, None where null."""
+    columns: dict[str, list[Any]] = pq.ParquetFile(path).read().to_pydict()
+    return columns
 
 
 def shard_rows(path: Path) -> int | None:
@@ -288,7 +301,7 @@ def _read_shard(path: Path, table: str, provenance: Provenance) -> pa.Table:
     wanted = {key: str(value) for key, value in asdict(provenance).items()}
     _refuse_difference(held, wanted, f"'{path}'", "remove it and resume the run")
     data = data.replace_schema_metadata(None)
-    if not data.schema.equals(TABLES[table].schema):
+    if not data.schema.equals(schema_of(table, data.schema.names)):
         raise InputError(f"'{path}' has other columns than table '{table}' of this version")
     return data
 

@@ -3,8 +3,8 @@
 ``load_study`` is the door. A study holds the tables of the file (``study_schema``) and builds the
 objects of the model from them; it knows nothing of how a study is run.
 
-Depends on: economics, errors, study_build, study_checks, study_faults, study_read,
-study_schema, study_text, track, traffic, units.
+Depends on: economics, errors, soil, study_build, study_checks, study_faults, study_read,
+study_schema, study_text, study_uncertain, track, traffic, units.
 """
 
 import hashlib
@@ -19,8 +19,10 @@ from pydantic import Field, ValidationError
 
 from mcsettle.economics import Change, speed_change, tonnage_change
 from mcsettle.errors import InputError
+from mcsettle.soil import SofteningSettings
 from mcsettle.study_build import (
     SettlementSettings,
+    build_softening,
     build_timetable,
     build_track,
     build_train,
@@ -30,7 +32,7 @@ from mcsettle.study_build import (
     settlement_settings,
 )
 from mcsettle.study_checks import Parts, faults_between, warnings_of
-from mcsettle.study_faults import faults_of, refusal, suggestion
+from mcsettle.study_faults import Fault, faults_of, refusal, suggestion
 from mcsettle.study_read import sound_parts, toml_data, with_tuples
 from mcsettle.study_schema import (
     CalibrationTable,
@@ -49,11 +51,18 @@ from mcsettle.study_schema import (
     VariantTable,
 )
 from mcsettle.study_text import toml_text
+from mcsettle.study_uncertain import (
+    CorrelationTable,
+    UncertainTable,
+    uncertain_faults,
+    with_values,
+)
 from mcsettle.track import Track
 from mcsettle.traffic import Timetable, Train
 from mcsettle.units import DAYS_PER_YEAR, MGT
 
 SCHEMA_VERSION = 1
+PARAMETER_SETS = 64  # of a study with uncertain inputs that does not say how many
 _NO_EFFECT_ON_RESULTS = {"title", "reference", "calibration"}
 
 
@@ -76,6 +85,13 @@ class Study(Table):
     )
     reference: Annotated[tuple[ReferenceTable, ...], Field(max_length=1000)] = ()
     calibration: CalibrationTable | None = None
+    uncertain: Annotated[tuple[UncertainTable, ...], Field(max_length=100)] = ()
+    correlations: Annotated[tuple[CorrelationTable, ...], Field(max_length=1000)] = ()
+
+    @property
+    def n_sets(self) -> int:
+        """Parameter sets: draws of the uncertain inputs; 1 if none is uncertain."""
+        return (self.run.parameter_sets or PARAMETER_SETS) if self.uncertain else 1
 
     @property
     def scenario_names(self) -> tuple[str, ...]:
@@ -97,8 +113,11 @@ class Study(Table):
         """SHA-256 [hex] of all that decides a result: not titles, references, sample size."""
         data = _plain(self, exclude=_NO_EFFECT_ON_RESULTS)
         data["run"].pop("realisations")
+        data["run"].pop("parameter_sets", None)
         for entry in data["scenarios"] + data["variants"]:
             entry.pop("title", None)
+        for entry in data.get("uncertain", []) + data.get("correlations", []):
+            entry.pop("source", None)
         text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -131,6 +150,11 @@ class Study(Table):
         """The track of ``variant`` (None: without any variant's layers)."""
         return build_track(self.track_table, None if variant is None else self.variant(variant))
 
+    def softening(self, variant: str | None = None) -> SofteningSettings | None:
+        """How the layers of ``variant``'s track soften; None where the soil is linear."""
+        table = None if variant is None else self.variant(variant)
+        return build_softening(self.track_table, table)
+
     def timetable(self, scenario: str) -> Timetable:
         """The ordered day of ``scenario``."""
         return build_timetable(self.scenario(scenario), self.trains)
@@ -151,7 +175,7 @@ class Study(Table):
 
     def change(self, scenario: str) -> Change | None:
         """What ``scenario`` changes against the baseline; None for the baseline."""
-        economics = self.economics
+        economics = self.priced
         if economics is None or scenario == economics.baseline:
             return None
         table = self.scenario(scenario)
@@ -168,8 +192,9 @@ class Study(Table):
         realisations: int | None = None,
         seed: int | None = None,
         stepping: str | None = None,
+        parameter_sets: int | None = None,
     ) -> Self:
-        """Copy with another sample size, seed or stepping (None: unchanged).
+        """Copy with other sample sizes, seed or stepping (None: unchanged).
 
         Raises
         ------
@@ -177,10 +202,24 @@ class Study(Table):
             A value the study file would refuse.
         """
         data = self.model_dump(by_alias=True, exclude_none=True)
-        changes = {"realisations": realisations, "stepping": stepping}
+        changes = {
+            "realisations": realisations,
+            "stepping": stepping,
+            "parameter_sets": parameter_sets,
+        }
         data["run"] |= {key: value for key, value in changes.items() if value is not None}
         data["seed"] = self.seed if seed is None else seed
         return type(self)._checked(data, "the run asked for")
+
+    def with_inputs(self, values: Mapping[str, float]) -> Self:
+        """Copy with the inputs at the key paths ``values`` replaced; nothing of it is uncertain.
+
+        Raises
+        ------
+        InputError
+            A value the study file would refuse.
+        """
+        return self.from_mapping(with_values(_plain(self), values), "a draw of the inputs")
 
     @classmethod
     def from_mapping(cls, data: Mapping[str, Any], origin: str = "the study") -> Self:
@@ -203,7 +242,21 @@ class Study(Table):
         faults += faults_between(sound_parts(data, wrong) if study is None else _parts(study))
         if study is None or faults:
             raise refusal(origin, list(dict.fromkeys(faults)))
-        return study._resolved()
+        study = study._resolved()
+        faults = study._uncertain_faults()
+        if faults:
+            raise refusal(origin, faults)
+        return study
+
+    def _uncertain_faults(self) -> list[Fault]:
+        if not self.uncertain:
+            wrong = "correlations" if self.correlations else "run.parameter_sets"
+            said = "has no meaning without [[uncertain]] inputs; leave it out"
+            given = bool(self.correlations) or (self.run.parameter_sets or 1) > 1
+            return [Fault(wrong, said)] if given else []
+        return uncertain_faults(
+            _plain(self), self.uncertain, self.correlations, type(self).from_mapping
+        )
 
     def _resolved(self) -> Self:
         """Copy with presets, vehicles, variants and economics written out."""
@@ -211,12 +264,28 @@ class Study(Table):
             update={
                 "track_table": resolved_track(self.track_table),
                 "train_tables": {k: resolved_train(t) for k, t in self.train_tables.items()},
-                "variants": tuple(resolved_variant(v, self.settlement) for v in self.variants),
-                "economics": self._resolved_economics(),
+                "variants": tuple(
+                    resolved_variant(v, self.settlement, self._uncertain_settlement)
+                    for v in self.variants
+                ),
+                "economics": self.economics if self._uncertain_traffic else self.priced,
             }
         )
 
-    def _resolved_economics(self) -> EconomicsTable | None:
+    @property
+    def _uncertain_settlement(self) -> set[str]:
+        """Keys of ``[settlement]`` that are uncertain: a variant without its own follows them."""
+        split = (path.split(".") for entry in self.uncertain for path in entry.paths)
+        return {steps[1] for steps in split if len(steps) == 2 and steps[0] == "settlement"}
+
+    @property
+    def _uncertain_traffic(self) -> bool:
+        """Whether what the economics take from the timetable differs between parameter sets."""
+        roots = {path.split(".")[0] for entry in self.uncertain for path in entry.paths}
+        return bool(roots & {"trains", "scenarios"})
+
+    @property
+    def priced(self) -> EconomicsTable | None:
         """The economics with base speed, trains a year and tonnage a day from the baseline."""
         if self.economics is None:
             return None
@@ -260,8 +329,12 @@ def _plain(study: Study, exclude: set[str] | None = None) -> dict[str, Any]:
     for variant in data["variants"]:
         if not variant["layers"]:
             del variant["layers"]
-    if not data.get("reference"):
-        data.pop("reference", None)
+    for key in ("reference", "uncertain", "correlations"):
+        if not data.get(key):
+            data.pop(key, None)
+    for entry in data.get("uncertain", []):
+        if not entry["also"]:
+            del entry["also"]
     return data
 
 

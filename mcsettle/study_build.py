@@ -4,28 +4,30 @@ A table overrides a named preset key by key. Each map below says which attribute
 a key stands for (a dotted path) and the factor that takes it into SI; read forwards it builds the
 object, read backwards it writes every value of the preset into the table.
 
-Depends on: settlement, study_schema, track, traffic, units, vehicle.
+Depends on: settlement, soil, study_schema, track, traffic, units, vehicle.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
 from mcsettle.settlement import SettlementModel
+from mcsettle.soil import SofteningSettings
 from mcsettle.study_schema import (
     LayerTable,
     ScenarioTable,
     SettlementTable,
+    SofteningTable,
     TrackTable,
     TrainTable,
     VariantTable,
 )
 from mcsettle.track import TRACKS, BeamTrack, Layer, SectionTrack, Track
 from mcsettle.traffic import Service, Timetable, Train
-from mcsettle.units import KMH, TONNE
+from mcsettle.units import KMH, MM, TONNE
 from mcsettle.vehicle import VEHICLES, Vehicle
 
 T = TypeVar("T")
@@ -45,6 +47,13 @@ LAYER_PATHS: Paths = {
     "settlement_b": ("law.b", 1.0),
     "settlement_m": ("law.m", 1.0),
     "strength_pa": ("law.strength", 1.0),
+}
+CURVE_PATHS: Paths = {
+    "curve": ("kind", 1.0),
+    "plasticity_index": ("plasticity_index", 1.0),
+    "ocr": ("ocr", 1.0),
+    "uniformity_coefficient": ("uniformity_coefficient", 1.0),
+    "d50_mm": ("d50", MM),
 }
 RAIL_PATHS: Paths = {
     "youngs_modulus_pa": ("youngs_modulus", 1.0),
@@ -87,6 +96,15 @@ VEHICLE_PATHS: Paths = {
     "primary_damping_ns_per_m": ("primary.damping", 1.0),
     "secondary_stiffness_n_per_m": ("secondary.stiffness", 1.0),
     "secondary_damping_ns_per_m": ("secondary.damping", 1.0),
+}
+CURVE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "constant": (),
+    "ishibashi_zhang": ("plasticity_index",),
+    "vucetic_dobry": ("plasticity_index",),
+    "darendeli": ("plasticity_index", "ocr"),
+    "menq": ("uniformity_coefficient", "d50_mm"),
+    "seed_idriss_mean": (),
+    "seed_idriss_upper": (),
 }
 SETTLEMENT_KEYS = tuple(SettlementTable.model_fields)
 
@@ -139,6 +157,23 @@ def build_track(table: TrackTable, variant: VariantTable | None = None) -> Track
     )
 
 
+def build_softening(
+    table: TrackTable, variant: VariantTable | None = None
+) -> SofteningSettings | None:
+    """How the layers of a study's track soften, those of ``variant`` over its own; None: linear."""
+    track = build_track(table, variant)
+    if table.soil == "linear" or not isinstance(track, SectionTrack):
+        return None
+    curves = []
+    for layer, curve in zip(track.layers, SofteningSettings().layer_curves(track), strict=True):
+        for tables in (table.layers, {} if variant is None else variant.layers):
+            if layer.name in tables:
+                curve = overridden(curve, tables[layer.name], CURVE_PATHS)
+        curves.append((layer.name, curve))
+    settings = table.softening or SofteningTable()
+    return SofteningSettings(**settings.model_dump(), curves=tuple(curves))
+
+
 def build_train(name: str, table: TrainTable) -> Train:
     """The train ``name``: alike cars, each the named vehicle with its overrides.
 
@@ -175,6 +210,13 @@ def resolved_track(table: TrackTable) -> TrackTable:
         "rail": described(track.rail, RAIL_PATHS),
         "layers": {layer.name: described(layer, LAYER_PATHS) for layer in track.layers},
     }
+    softening = build_softening(table)
+    if softening is not None:
+        tables["softening"] = (table.softening or SofteningTable()).model_dump()
+        for name, curve in softening.curves:
+            kept = {"curve", *CURVE_PARAMETERS[curve.kind]}
+            described_curve = described(curve, CURVE_PATHS)
+            tables["layers"][name] |= {k: v for k, v in described_curve.items() if k in kept}
     if isinstance(track, SectionTrack):
         tables["pad"] = described(track.pad, PAD_PATHS)
         tables["sleeper"] = described(track.sleeper, SLEEPER_PATHS)
@@ -190,10 +232,14 @@ def resolved_train(table: TrainTable) -> TrainTable:
     return TrainTable.model_validate(described(vehicle, VEHICLE_PATHS) | own)
 
 
-def resolved_variant(table: VariantTable, settlement: SettlementTable) -> VariantTable:
-    """``table`` with the settlement keys it inherits written out."""
+def resolved_variant(
+    table: VariantTable, settlement: SettlementTable, uncertain: Collection[str] = ()
+) -> VariantTable:
+    """``table`` with the settlement keys it inherits written out, but for those ``uncertain``."""
     settings = asdict(settlement_settings(settlement, table))
-    return VariantTable.model_validate(table.model_dump(exclude_none=True) | settings)
+    own = table.model_dump(exclude_none=True)
+    inherited = {key: value for key, value in settings.items() if key not in uncertain}
+    return VariantTable.model_validate(inherited | own)
 
 
 def overridden(domain_object: T, table: BaseModel, paths: Paths) -> T:

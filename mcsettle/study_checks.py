@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from mcsettle.study_build import build_track, build_train
+from mcsettle.study_build import CURVE_PATHS, build_track, build_train
 from mcsettle.study_faults import Fault, dotted, shown, suggestion
 from mcsettle.study_schema import (
     CalibrationTable,
@@ -146,6 +146,7 @@ def _geometry(parts: Parts) -> Iterator[Fault]:
             yield Fault(
                 f"track.{key}", f"has no meaning with model = {shown(table.model)}; leave it out"
             )
+    yield from _soil(table, parts)
     known = [layer.name for layer in TRACKS[table.preset_name].layers]
     yield from _unknown_layers("track.layers", table.layers, known)
     yield from _buildable("track", table, None)
@@ -154,6 +155,26 @@ def _geometry(parts: Parts) -> Iterator[Fault]:
         yield from _unknown_layers(f"{path}.layers", variant.layers, known)
         if variant.layers:
             yield from _buildable(path, table, variant)
+
+
+def _soil(table: TrackTable, parts: Parts) -> Iterator[Fault]:
+    """Softening needs the section model; its keys need a soil that softens."""
+    if table.soil != "linear" and table.model == "beam":
+        yield Fault(
+            "track.soil", f"received {shown(table.soil)}; with model = 'beam' it is 'linear'"
+        )
+    if table.soil != "linear":
+        return
+    unused = "has no meaning with soil = 'linear'; leave it out"
+    if table.softening is not None:
+        yield Fault("track.softening", unused)
+    groups = [("track", table.layers)]
+    groups += [(dotted(("variants", i)), v.layers) for i, v in parts.variants.items()]
+    for path, layers in groups:
+        for name, layer in layers.items():
+            for key in CURVE_PATHS:
+                if getattr(layer, key) is not None:
+                    yield Fault(f"{path}.layers.{name}.{key}", unused)
 
 
 def _unknown_layers(

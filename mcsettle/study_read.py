@@ -68,7 +68,8 @@ def sound_parts(data: Mapping[str, Any], wrong: set[tuple[Any, ...]]) -> Parts:
     sound: dict[str, Any] = {
         name: table.model_validate(data.get(name, {}))
         for name, table in _SINGLE.items()
-        if not any(path[0] == name for path in wrong) and (name in data or name in _OPTIONAL)
+        if not any(path[0] == name for path in wrong)
+        and (data.get(name) is not None or name in _OPTIONAL)
     }
     entries = {name: _entries(data, name) for name in _MANY}
     for name, table in _MANY.items():

@@ -3,7 +3,7 @@
 One frozen model a table. What a table means for the model (presets filled in, objects built) is
 ``study_build``; what several tables must satisfy together is ``study_checks``.
 
-Depends on: study_units, pydantic.
+Depends on: curves, study_units, pydantic.
 """
 
 from typing import Annotated, Literal
@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from mcsettle import study_units as u
+from mcsettle.curves import Kind
 from mcsettle.units import DAYS_PER_YEAR, MM
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.\-]*$", max_length=40)]
@@ -54,6 +55,21 @@ class LayerTable(Table):
     settlement_b: Annotated[float, Field(gt=0, lt=1)] | None = None
     settlement_m: Positive | None = None
     strength_pa: u.Pascals | None = None
+    curve: Kind | None = None
+    plasticity_index: Annotated[float, Field(ge=0, le=200)] | None = None
+    ocr: Annotated[float, Field(ge=1, le=1000)] | None = None
+    uniformity_coefficient: Annotated[float, Field(ge=1, le=1000)] | None = None
+    d50_mm: u.Millimetres | None = None
+
+
+class SofteningTable(Table):
+    """``[track.softening]``: how strains soften the layers (soil = "equivalent_linear")."""
+
+    strain_factor: Annotated[float, Field(gt=0, le=2)] = 0.65
+    octahedral: Literal["third", "engineering"] = "third"
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 0.03
+    max_iterations: Annotated[int, Field(ge=1, le=1000)] = 10
+    keep_last: bool = False
 
 
 class RailTable(Table):
@@ -99,13 +115,14 @@ class TrackTable(Table):
 
     model: Literal["section", "beam"] = "section"
     preset: Literal["case_study", "validation", "beam"] | None = None
-    soil: Literal["linear"] = "linear"
+    soil: Literal["linear", "equivalent_linear"] = "linear"
     damping_convention: Literal["damping_ratio", "loss_factor"] = "damping_ratio"
     allow_supercritical: bool = False
     rail: RailTable = RailTable()
     pad: PadTable = PadTable()
     sleeper: SleeperTable = SleeperTable()
     support: SupportTable = SupportTable()
+    softening: SofteningTable | None = None
     layers: dict[Name, LayerTable] = {}
 
     @property
@@ -160,9 +177,10 @@ class LimitTable(Table):
 
 
 class RunTable(Table):
-    """``[run]``: how many realisations, and how they are advanced."""
+    """``[run]``: how many realisations, of how many draws of the inputs, and how they advance."""
 
     realisations: Annotated[int, Field(ge=1, le=10_000_000)] = 200
+    parameter_sets: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     stepping: Literal["cycle_jump", "every_axle", "every_train"] = "cycle_jump"
     right_hand_side: Literal["spectral", "pointwise"] = "spectral"
     history_days: Annotated[tuple[u.Days, ...], Field(max_length=1000)] = (

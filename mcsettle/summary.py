@@ -1,10 +1,10 @@
 """From the tables of a finished run to the numbers that answer the study's question.
 
 Every number is an ``Estimate`` with its Monte Carlo error and its censored count. The spread
-between realisations (P5 to P95) is what differs between track sections; the standard error is what
-a larger sample would shrink.
+between realisations (P5 to P95) is what differs between track sections and, in a study with uncertain
+inputs, between parameter sets; the standard error is what a larger sample would shrink.
 
-Depends on: errors, estimate, store, study, study_schema.
+Depends on: errors, estimate, key_paths, nested, store, study, study_schema, summary_spread.
 """
 
 from collections.abc import Iterator
@@ -17,8 +17,11 @@ import pandas as pd
 from mcsettle import store
 from mcsettle.errors import InputError
 from mcsettle.estimate import Estimate, Statistic, summarise_effects, summarise_intervals
+from mcsettle.key_paths import input_column
+from mcsettle.nested import crossed_bounded, crossed_effects, crossed_intervals
 from mcsettle.study import Study, load_study
 from mcsettle.study_schema import ReferenceTable
+from mcsettle.summary_spread import effect_spread, interval_spread, matrix
 
 STUDY_FILE = "study.toml"
 INTERVAL = "tamping_interval_days"
@@ -40,7 +43,8 @@ class SummaryRow:
     """One metric of one scenario in one variant, and the published value beside it.
 
     ``statistics``: P5, P50, P95 and a mean. ``reference_percent``: share of the realisations [%]
-    below the published value (a censored one counts as above it), None without one.
+    below the published value (a censored one counts as above it), None without one. ``spread``: what
+    the spread consists of and what remains of it along a line (``summary_spread``).
     """
 
     variant: str
@@ -50,6 +54,7 @@ class SummaryRow:
     statistics: tuple[Statistic, ...]
     reference: ReferenceTable | None = None
     reference_percent: float | None = None
+    spread: tuple[Statistic, ...] = ()
 
     def at(self, level: float) -> Estimate:
         """The quantile at ``level`` (one of ``estimate.LEVELS``)."""
@@ -91,21 +96,31 @@ def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryR
     if table.empty or (table["status"] == "failed").all():
         return
     days = table[INTERVAL].to_numpy(dtype=float, na_value=np.nan)
-    ends = table["censored_at_days"].to_numpy(dtype=float, na_value=np.nan)
-    intervals = tuple(summarise_intervals(days, ends))
     failed = (table["status"] == "failed").to_numpy()
-    yield _with_reference(results, variant, scenario, INTERVAL, intervals, days[~failed])
+    intervals = tuple(_intervals(table, INTERVAL, "censored_at_days"))
+    row = _with_reference(results, variant, scenario, INTERVAL, intervals, days[~failed])
+    yield replace(row, spread=tuple(interval_spread(results.study, table)))
     yield from _growth_rows(results, variant, scenario, table[~failed])
     yield from _effect_rows(results, variant, scenario)
+
+
+def _intervals(table: pd.DataFrame, column: str, ends: str) -> list[Statistic]:
+    """Statistics of a column with its censorings, crossed if there are several parameter sets."""
+    if table["parameter_set"].nunique() > 1:
+        return crossed_intervals(matrix(table, column), matrix(table, ends))
+    values, limits = (table[c].to_numpy(dtype=float, na_value=np.nan) for c in (column, ends))
+    return summarise_intervals(values, limits)
 
 
 def _growth_rows(
     results: Results, variant: str, scenario: str, table: pd.DataFrame
 ) -> Iterator[SummaryRow]:
     """Growth of the SD [mm] after a year and after the days the reference gives."""
-    to_limit = (results.study.limit.sd_limit_mm - table["sd_initial_mm"]).to_numpy(dtype=float)
+    own = input_column("limit.sd_limit_mm")  # where it differs between parameter sets
+    limit = table.get(own, results.study.limit.sd_limit_mm)
+    table = table.assign(to_limit=(limit - table["sd_initial_mm"]).astype(float))
     year = table[GROWTH].to_numpy(dtype=float, na_value=np.nan)
-    yield _with_reference(results, variant, scenario, GROWTH, _growth(year, to_limit), year)
+    yield _with_reference(results, variant, scenario, GROWTH, _growth(table, GROWTH), year)
     published = _reference(results.study, INTERVAL, scenario)
     history = _part(results.history, variant, scenario)
     if published is None or history.empty:
@@ -117,14 +132,19 @@ def _growth_rows(
     if np.all(np.isnan(growth)):
         return
     metric = f"sd_growth_{published.value:g}d_mm"
-    yield SummaryRow(variant, scenario, metric, "mm", _growth(growth, to_limit))
+    table = table.assign(growth=growth)
+    yield SummaryRow(variant, scenario, metric, "mm", _growth(table, "growth"))
 
 
-def _growth(growth: np.ndarray, to_limit: np.ndarray) -> tuple[Statistic, ...]:
+def _growth(table: pd.DataFrame, column: str) -> tuple[Statistic, ...]:
     """Quantiles of SD growth; where the limit came first, growth is censored at the limit."""
-    ends = np.where(np.isnan(growth), to_limit, np.nan)
+    table = table.assign(end=table["to_limit"].where(table[column].isna(), np.nan))
+    if table["parameter_set"].nunique() > 1:
+        found = crossed_bounded(matrix(table, column), matrix(table, "end"), "mm")
+    else:
+        found = _intervals(table, column, "end")
     rows = []
-    for row in summarise_intervals(growth, ends):
+    for row in found:
         if row.level is not None:
             note = "the limit comes first" if row.estimate.value is None else ""
             rows.append(replace(row, estimate=replace(row.estimate, unit="mm", note=note)))
@@ -137,14 +157,24 @@ def _effect_rows(results: Results, variant: str, scenario: str) -> Iterator[Summ
         return
     change = results.study.change(scenario)
     table = _part(results.effects, variant, scenario)
-    table = table[table["status"] != "failed"] if not table.empty else table
     if table.empty or change is None:
         return
+    table = table[~table["status"].isin(["failed", "at_limit"])]
+    if table.empty:
+        return
+    nested = table["parameter_set"].nunique() > 1
+    spreads = effect_spread(results.study, variant, scenario, results.realisations, table)
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
     for metric, unit in units.items():
         values = table[metric].to_numpy(dtype=float, na_value=np.nan)
-        statistics = tuple(summarise_effects(values, unit))
-        yield _with_reference(results, variant, scenario, metric, statistics, values)
+        if nested:
+            of_sets = matrix(table, metric)
+            failed = np.isnan(matrix(table.assign(known=1.0), "known"))
+            statistics = tuple(crossed_effects(of_sets, failed, unit))
+        else:
+            statistics = tuple(summarise_effects(values, unit))
+        row = _with_reference(results, variant, scenario, metric, statistics, values)
+        yield replace(row, spread=tuple(spreads.get(metric, ())))
 
 
 def _with_reference(

@@ -3,14 +3,18 @@
 One row per thing. A unit stands in the column's name, in the Arrow field's metadata and in the data
 dictionary. The keys of a table name a row once and for all.
 
-Depends on: nothing of the package.
+Depends on: key_paths.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import pyarrow as pa
 
+from mcsettle.key_paths import unit_of
+
 TEXT, COUNT, NUMBER = pa.string(), pa.int64(), pa.float64()
+INPUT = "input_"
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,12 @@ TABLES = {
             Column("baseline", TEXT, "", "scenario it is compared with, on the same tracks"),
             _SET,
             _REALISATION,
-            Column("status", TEXT, "", "paired, censored (either interval) or failed (either)"),
+            Column(
+                "status",
+                TEXT,
+                "",
+                "paired, censored (either), at_limit (before any traffic) or failed",
+            ),
             Column("effect", TEXT, "", "what the scenario changes: speed or tonnage"),
             Column("reduction_percent", NUMBER, "%", "reduction of the tamping interval", True),
             Column("elasticity", NUMBER, "1", "deterioration elasticity", True),
@@ -110,11 +119,21 @@ TABLES = {
         ),
         5,
     ),
+    "parameters": TableShape(
+        (
+            _SET,
+            Column("input", TEXT, "", "key path of an uncertain input of the study"),
+            Column("value", NUMBER, "see unit", "value drawn"),
+            Column("unit", TEXT, "", "unit of value"),
+        ),
+        2,
+    ),
     "summary": TableShape(
         (
             *_SCENE,
             Column("metric", TEXT, "", "what is estimated: a column of another table"),
-            Column("statistic", TEXT, "", "quantile, mean or restricted_mean"),
+            Column("statistic", TEXT, "", "what of it: quantile, mean, variance share, …"),
+            Column("subject", TEXT, "", "an input, or a length of line; else empty"),
             Column("level", NUMBER, "1", "level of a quantile", True),
             Column("value", NUMBER, "see unit", "estimate; null where not identified", True),
             Column("lo", NUMBER, "see unit", "lower 95 % confidence limit; null: open", True),
@@ -125,9 +144,23 @@ TABLES = {
             Column("unit", TEXT, "", "unit of value, limits and error"),
             Column("note", TEXT, "", "what to know about this estimate; may be empty"),
         ),
-        5,
+        6,
     ),
 }
+
+
+def schema_of(table: str, columns: Iterable[str]) -> pa.Schema:
+    """Arrow schema of ``table``; the ``input_…`` ones among ``columns`` follow its own.
+
+    Only ``realisations`` has them: one for each uncertain input of the study.
+    """
+    own = TABLES[table].schema
+    if table != "realisations":
+        return own
+    drawn = [name for name in columns if name.startswith(INPUT)]
+    meaning = "uncertain input of this row's parameter set (table parameters)"
+    fields = [Column(name, NUMBER, unit_of(name), meaning).field for name in drawn]
+    return pa.schema([*own, *fields])
 
 
 def data_dictionary() -> str:

@@ -1,59 +1,118 @@
 """Describe a study's track and trains in numbers: wave speeds, deflection, compliance, stresses.
 
-Depends on: spectral, step_a, stress, study, track, units.
+Depends on: fem25d, stress, study, track, track_case, transfer, units, views.
 """
+
+import math
 
 import numpy as np
 
-from mcsettle.step_a import Progress, step_a
+from mcsettle.fem25d import SectionResponse, rayleigh_speed
+from mcsettle.step_a import Progress, softening_history
 from mcsettle.stress import deviatoric_stress
 from mcsettle.study import Study
-from mcsettle.transfer import TransferFunctions
-from mcsettle.units import KMH, KN, KPA, MM
+from mcsettle.track import SectionTrack, Track
+from mcsettle.track_case import Run, TrackCase, table4, track_case, track_cases
+from mcsettle.transfer import TrackResponse
+from mcsettle.units import KMH, KN, KPA, MM, MPA
+from mcsettle.views.stress import layer_weights
+from mcsettle.views.table4 import Increase
+
+__all__ = ["describe", "increases_at_surface", "track_cases", "track_summary"]
 
 Row = tuple[str, float | str, str]
+WAVELENGTHS = (30.0, 10.0, 5.0, 3.0)  # m
+GIGA = 1e9
 
 
 def track_summary(study: Study, progress: Progress | None = None, processes: int = 1) -> list[Row]:
-    """Rows (quantity, value, unit) for the track and for every distinct train and speed."""
-    rows: list[Row] = []
-    for variant in study.variant_names:
-        track = study.track(variant)
-        for layer in track.layers:
-            m = layer.material
-            rows.append((f"{variant}: {layer.name}, height", layer.height, "m"))
-            rows.append(
-                (f"{variant}: {layer.name}, shear wave speed", m.shear_wave_speed / KMH, "km/h")
-            )
-    prepared, seen = step_a(study, progress, processes), set()
-    for (variant, _), group in prepared.transfers.items():
-        for transfer in group:
-            if transfer.digest not in seen:
-                seen.add(transfer.digest)
-                names = [layer.name for layer in study.track(variant).layers]
-                rows += _transfer_rows(transfer, names)
+    """Rows (quantity, value, unit) for the first variant's track, every distinct train and speed."""
+    return describe(track_case(study, progress, processes))
+
+
+def describe(case: TrackCase) -> list[Row]:
+    """Rows (quantity, value, unit) of a track made ready (``track_case``)."""
+    rows = _layer_rows(case.track) + _response_rows(case.response)
+    for run in case.runs:
+        rows += _softening_rows(run, case) + _run_rows(run, case.track)
     return rows
 
 
-def _transfer_rows(transfer: TransferFunctions, names: list[str]) -> list[Row]:
-    """Rows of one train at one speed, at the middle car's leading axle."""
-    head = f"{transfer.train} at {transfer.speed / KMH:.0f} km/h"
-    axle = 4 * (len(transfer.rail_deflection) // 8)
-    sigma_d = deviatoric_stress(*transfer.quasi_static[axle])
-    wavelengths = 2.0 * np.pi / transfer.wavenumbers
+def increases_at_surface(case: TrackCase, progress: Progress | None = None) -> list[Increase]:
+    """Table 4 of the study: ours, and the published values among its references."""
+    if progress is None:
+        return table4(case)
+    return table4(case, lambda done, total: progress("Stress at the subgrade surface", done, total))
+
+
+def _layer_rows(track: Track) -> list[Row]:
+    rows: list[Row] = []
+    for layer in track.layers:
+        m = layer.material
+        rows += [
+            (f"{layer.name}: height", *_height(layer.height)),
+            (f"{layer.name}: Young's modulus", m.youngs_modulus / MPA, "MPa"),
+            (f"{layer.name}: shear wave speed", m.shear_wave_speed / KMH, "km/h"),
+        ]
+        if isinstance(track, SectionTrack) and layer.width is None:
+            rows.append((f"{layer.name}: Rayleigh wave speed", rayleigh_speed(m) / KMH, "km/h"))
+    return rows
+
+
+def _height(height: float) -> tuple[float | str, str]:
+    return ("unbounded", "") if math.isinf(height) else (height, "m")
+
+
+def _response_rows(response: TrackResponse) -> list[Row]:
+    if not isinstance(response, SectionResponse):
+        return [("critical speed of the track", response.rayleigh_speed / KMH, "km/h")]
+    return [
+        ("lowest Rayleigh wave speed, small strains", response.lowest_rayleigh_speed / KMH, "km/h"),
+        ("Step A: error estimate of the reduced bases", response.error_estimate, "1"),
+        ("Step A: direct solutions", str(response.solves), ""),
+    ]
+
+
+def _softening_rows(run: Run, case: TrackCase) -> list[Row]:
+    """How the ground has softened under one train; nothing where the soil is linear."""
+    if run.softened is None or not isinstance(case.track, SectionTrack):
+        return []
+    depth = case.study.settlement_settings(case.variant).integration_depth_m
+    history = softening_history(case.track, depth, run.softened)
     rows: list[Row] = [
+        (f"{run.label}: softening, iterations", str(history.iterations), ""),
+        (f"{run.label}: softening, last change of a modulus", float(history.change[-1]), "1"),
+    ]
+    for i, name in enumerate(history.layers):
+        head = f"{run.label}: {name}, Young's modulus under the train"
+        rows.append((f"{head}, lowest", float(history.lowest[-1, i]) / MPA, "MPa"))
+        rows.append((f"{head}, mean", float(history.mean[-1, i]) / MPA, "MPa"))
+    return rows
+
+
+def _run_rows(run: Run, track: Track) -> list[Row]:
+    """Rows of one train at one speed, at the middle car's leading axle."""
+    transfer, head = run.transfer, run.label
+    axle = 4 * (len(transfer.rail_deflection) // 8)
+    limit = getattr(run.response, "lowest_rayleigh_speed", run.response.rayleigh_speed)
+    rows: list[Row] = [
+        (f"{head}: speed over the lowest critical speed", transfer.speed / limit, "1"),
         (f"{head}: rail deflection, quasi-static", transfer.rail_deflection[axle] / MM, "mm"),
     ]
-    for wavelength in (30.0, 10.0, 5.0, 3.0):
+    wavelengths = 2.0 * np.pi / transfer.wavenumbers
+    for wavelength in WAVELENGTHS:
         k = int(np.argmin(np.abs(wavelengths - wavelength)))
-        per_mm = abs(transfer.force[axle, k]) * MM / KN
-        compliance = abs(transfer.track_compliance[k]) * 1e9
         name = f"{head}, wavelength {wavelengths[k]:.1f} m"
+        per_mm = abs(transfer.force[axle, k]) * MM / KN
         rows.append((f"{name}: dynamic force per mm of amplitude", per_mm, "kN"))
+        compliance = abs(transfer.track_compliance[k]) * GIGA
         rows.append((f"{name}: track compliance", compliance, "m/GN"))
-    for index, name in enumerate(names):
-        here = transfer.grid.layer == index
-        if here.any():
-            top = sigma_d[here][0] / KPA
-            rows.append((f"{head}: {name}, quasi-static deviatoric stress at its top", top, "kPa"))
-    return rows
+    z = sum(layer.height for layer in track.layers if layer.width is not None)
+    for index, layer in enumerate(track.layers):
+        if np.any(transfer.grid.layer == index):
+            weights = layer_weights(transfer.grid, index, z)
+            sigma = deviatoric_stress(*(transfer.quasi_static[axle] @ weights))
+            name = f"{head}: {layer.name}, quasi-static deviatoric stress at its top"
+            rows.append((name, float(sigma) / KPA, "kPa"))
+        z -= layer.height
+    return [(name, value if isinstance(value, str) else float(value), u) for name, value, u in rows]

@@ -40,7 +40,8 @@ def command(*arguments: str | Path, cwd: Path | None = None) -> subprocess.Compl
 def test_help_names_every_command() -> None:
     done = invoke("--help")
     assert done.exit_code == 0
-    for verb in ("init", "check", "schema", "run", "summarise", "calibrate", "track", "doctor"):
+    for verb in ("init", "check", "schema", "run", "summarise", "calibrate", "track",
+                 "validate", "doctor"):  # fmt: skip
         assert verb in done.stdout
 
 
@@ -163,7 +164,7 @@ def test_calibrate_checks_names_and_days_before_any_work() -> None:
     assert "did you mean 'base'?" in done.stderr
 
 
-# --- run, calibrate, track: what is called and what is said ---------------------------------------
+# --- run, calibrate: what is called and what is said ---------------------------------------
 
 
 @pytest.fixture
@@ -177,10 +178,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         calls.run = (study, out, options)
         return SimpleNamespace(n_failed=calls.n_failed, remarks=("look here",))
 
-    rows = [("Rayleigh speed", 109.0, "m/s"), ("rail", "UIC 60", "")]
     fake = SimpleNamespace(run_study=run_study)
-    report = SimpleNamespace(track_summary=lambda study, progress: rows)
-    monkeypatch.setitem(sys.modules, "mcsettle.track_report", report)
     monkeypatch.setitem(sys.modules, "mcsettle.pipeline", fake)
     return calls
 
@@ -217,14 +215,6 @@ def test_exit_codes(tmp_path: Path, pipeline: SimpleNamespace) -> None:
         done = invoke("run", TOY, "--out", tmp_path)
         assert done.exit_code == code, failure
         assert "Traceback" not in done.output
-
-
-def test_track_prints_columns(pipeline: SimpleNamespace) -> None:
-    done = invoke("track", TOY)
-    assert done.stdout.splitlines() == [
-        "Rayleigh speed           109 m/s",
-        "rail                  UIC 60",
-    ]
 
 
 def test_calibrate_prints_the_factor(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -182,12 +182,22 @@ def test_censored_pairs_have_no_value_but_bounds():
         ),
         (
             lambda: paired_effects(
-                np.zeros(1), np.ones(1), NOT_CENSORED, NOT_CENSORED, speed_change(1.0, 2.0, 1.0)
+                -np.ones(1), np.ones(1), NOT_CENSORED, NOT_CENSORED, speed_change(1.0, 2.0, 1.0)
             ),
-            "positive days",
+            "none negative",
         ),
     ],
 )
 def test_refusals_say_why(call, words):
     with pytest.raises(InputError, match=words):
         call()
+
+
+def test_a_track_at_its_limit_before_any_traffic_is_not_paired():
+    days, later = np.array([0.0, 500.0]), np.array([0.0, 400.0])
+    none = np.full(2, np.nan)
+    effects = paired_effects(days, later, none, none, speed_change(200.0, 210.0, 26.0))
+    assert effects.status.tolist() == ["at_limit", "paired"]
+    assert np.isnan(effects.elasticity[0])
+    assert np.isnan(effects.marginal_cost[0])
+    assert np.isfinite(effects.elasticity[1])

@@ -12,21 +12,25 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"mcsettle": "mcsettle", "kernels": "mcsettle.kernels", "cli": "mcsettle.cli"}
 # Each name may import those on the lines above it, and its own line; a folder stands for its files.
 LAYERS = (
-    ("errors", "units"),
-    ("track", "vehicle", "traffic", "irregularity", "files", "tables"),
+    ("errors", "units", "key_paths"),
+    ("curves", "soil", "track", "vehicle", "traffic", "irregularity", "files", "tables", "distributions"),
     ("transfer", "transfer_file", "halfspace", "settlement", "stress", "roughness", "stepping"),
     ("quadrature", "closed_forms"),
-    ("fem25d", "beam", "interaction", "economics", "estimate", "store"),
+    ("fem25d", "beam", "interaction", "speed_effect", "economics", "estimate", "nested", "line", "store"),
     ("layered", "strip"),
     ("validate_case", "validate_closed", "validate_section", "validate"),
     ("kernels",),
     ("passage", "spectral", "pointwise", "clock", "case"),
     ("march", "jump", "engine"),
-    ("study_units", "study_schema", "study_build", "study_faults", "study_checks", "study_text"),
+    ("views",),
+    ("figures",),
+    ("study_units", "study_schema", "study_build", "study_faults", "study_checks", "study_text",
+     "study_uncertain"),
     ("study_read",),
     ("study",),
-    ("summary", "step_a", "track_report", "pipeline"),
-    ("calibration",),
+    ("draws", "step_a", "scene", "summary_spread", "summary", "summary_table", "rows"),
+    ("track_case", "track_report", "track_pictures", "pipeline", "doctor"),
+    ("calibration", "inference", "tornado", "stopping"),
     ("cli",),
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

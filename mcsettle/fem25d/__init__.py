@@ -3,12 +3,15 @@
 ``section_response(track)`` is the door. Behind it: ``section`` (mesh and materials), ``element``
 (2.5D forms), ``pml`` (absorbing border), ``solve`` (direct solution at one wavenumber and
 frequency), ``reduced`` (reduced basis over all of them), ``moving`` (what Step B sees: moving loads).
+``equivalent_linear_response(track, train, speed)`` softens the ground first (``softening``).
 
-Depends on: track, transfer, units.
+Depends on: curves, errors, soil, track, traffic, transfer, units.
 """
 
+from mcsettle.fem25d.equivalent import equivalent_linear_response as equivalent_linear_response
 from mcsettle.fem25d.moving import SectionResponse as SectionResponse
 from mcsettle.fem25d.moving import rayleigh_speed as rayleigh_speed
 from mcsettle.fem25d.response import section_response as section_response
 from mcsettle.fem25d.section import MeshSettings as MeshSettings
 from mcsettle.fem25d.settings import Settings as Settings
+from mcsettle.fem25d.softening import SofteningHistory as SofteningHistory

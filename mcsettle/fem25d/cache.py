@@ -1,4 +1,4 @@
-"""Reduced bases on disk: found by the digest of all they depend on, checked, written atomically.
+"""Arrays on disk: found by the digest of all they depend on, checked, written atomically.
 
 Depends on: reduced.
 """
@@ -10,14 +10,16 @@ import sys
 import tempfile
 import warnings
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mcsettle.fem25d.reduced import Band
 
-FORMAT = 1  # raise whenever the same settings would give other numbers
+FORMAT = 2  # raise whenever the same settings would give other numbers
+T = TypeVar("T")
 ARRAYS = ("stiffness", "mass", "load", "output0", "output1")
 
 
@@ -49,6 +51,11 @@ def write_bands(path: Path, bands: tuple[Band, ...], errors: np.ndarray) -> None
     }
     for i, band in enumerate(bands):
         arrays.update({f"{name}_{i}": getattr(band, name) for name in ARRAYS})
+    write_arrays(path, arrays)
+
+
+def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Write arrays and their checksum to one ``.npz``, complete or not at all."""
     checksum = np.array(_checksum(arrays))
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
@@ -65,6 +72,11 @@ def write_bands(path: Path, bands: tuple[Band, ...], errors: np.ndarray) -> None
 
 def read_bands(path: Path) -> tuple[tuple[Band, ...], np.ndarray] | None:
     """Bands and errors from disk; None where there is no file or (with a warning) a damaged one."""
+    return read_arrays(path, "track response", lambda arrays: (_bands(arrays), arrays["errors"]))
+
+
+def read_arrays(path: Path, what: str, make: Callable[[dict[str, np.ndarray]], T]) -> T | None:
+    """What ``make`` makes of stored arrays; None without a file or (with a warning) a sound one."""
     if not path.exists():
         return None
     try:
@@ -72,12 +84,12 @@ def read_bands(path: Path) -> tuple[tuple[Band, ...], np.ndarray] | None:
             arrays = {name: file[name] for name in file.files}
         if str(arrays.pop("checksum")) != _checksum(arrays):
             raise ValueError("its checksum does not match")
-        return _bands(arrays), arrays["errors"]
+        return make(arrays)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         warnings.warn(
-            f"the stored track response {path} is damaged ({error}); it is computed again",
+            f"the stored {what} {path} is damaged ({error}); it is computed again",
             RuntimeWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
         return None
 

@@ -67,6 +67,12 @@ def assemble_operators(basis: skfem.Basis, cells: Cells) -> tuple[sp.csc_matrix,
     tuple of csc_matrix
         (K0, K1, K2, M), complex symmetric, all with one and the same sparsity pattern.
     """
+    pattern = Pattern.of(basis.element_dofs, np.arange(basis.N))
+    return tuple(pattern.added_up(part) for part in element_operators(basis, cells))
+
+
+def element_operators(basis: skfem.Basis, cells: Cells) -> tuple[np.ndarray, ...]:
+    """K0, K1, K2 and M of every element, [E, shapes, shapes] each."""
     volume = basis.dx * (cells.stretch_y * cells.stretch_z)[:, None]
     shapes = [basis.basis[i][0] for i in range(basis.Nbfun)]
     strains = [strain_operators(shape, cells.stretch_y, cells.stretch_z) for shape in shapes]
@@ -75,13 +81,46 @@ def assemble_operators(basis: skfem.Basis, cells: Cells) -> tuple[sp.csc_matrix,
     values = _by_element(np.stack([np.asarray(shape) for shape in shapes]))
     density = (cells.density[:, None] * volume)[:, :, None, None] * np.eye(DISPLACEMENTS)
     k01 = _pairs(b0, d, b1)
-    local = (
+    return (
         _pairs(b0, d, b0),
         k01 + k01.transpose(0, 2, 1),
         _pairs(b1, d, b1),
         _pairs(values, density, values),
     )
-    return _common_pattern(local, basis.element_dofs, basis.N)
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Where the entries of element matrices go in a sparse matrix of ``size`` unknowns.
+
+    ``kept`` marks the entries [E s s] whose row and column both are unknowns, ``place`` the stored
+    number of each; ``indices`` and ``indptr`` as in a csc_matrix.
+    """
+
+    size: int
+    kept: np.ndarray
+    place: np.ndarray
+    indices: np.ndarray
+    indptr: np.ndarray
+
+    @classmethod
+    def of(cls, dofs: np.ndarray, free: np.ndarray) -> "Pattern":
+        """Pattern of elements with unknowns ``dofs`` [shapes, E], of which ``free`` are kept."""
+        n = free.size
+        number = np.full(int(max(dofs.max(), free.max())) + 1, -1, dtype=np.int64)
+        number[free] = np.arange(n)
+        numbers = number[dofs.T]
+        both = (numbers[:, None, :] >= 0) & (numbers[:, :, None] >= 0)
+        pairs = (numbers[:, None, :] * n + numbers[:, :, None])[both]
+        key, place = np.unique(pairs, return_inverse=True)
+        indptr = np.searchsorted(key, np.arange(n + 1, dtype=np.int64) * n).astype(np.int32)
+        return cls(n, both.ravel(), place.ravel(), (key % n).astype(np.int32), indptr)
+
+    def added_up(self, part: np.ndarray) -> sp.csc_matrix:
+        """Element matrices [E, shapes, shapes] added up into one matrix."""
+        flat = part.ravel()[self.kept].astype(np.complex128)
+        data = np.bincount(self.place, flat.real) + 1j * np.bincount(self.place, flat.imag)
+        return sp.csc_matrix((data, self.indices, self.indptr), shape=(self.size, self.size))
 
 
 def _by_element(fields: np.ndarray) -> np.ndarray:
@@ -92,23 +131,6 @@ def _by_element(fields: np.ndarray) -> np.ndarray:
 def _pairs(a: np.ndarray, d: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Element matrices Σ_q aᵀ d b, [E, shapes, shapes]."""
     return np.asarray((a.transpose(0, 1, 3, 2) @ (d @ b)).sum(axis=1))
-
-
-def _common_pattern(
-    local: tuple[np.ndarray, ...], dofs: np.ndarray, n: int
-) -> tuple[sp.csc_matrix, ...]:
-    """Add element matrices up into matrices that share indices and pointers."""
-    numbers = dofs.T.astype(np.int64)
-    key, inverse = np.unique(numbers[:, None, :] * n + numbers[:, :, None], return_inverse=True)
-    inverse = inverse.ravel()
-    indices = (key % n).astype(np.int32)
-    indptr = np.searchsorted(key, np.arange(n + 1, dtype=np.int64) * n).astype(np.int32)
-    matrices = []
-    for part in local:
-        flat = part.astype(np.complex128).ravel()
-        data = np.bincount(inverse, flat.real) + 1j * np.bincount(inverse, flat.imag)
-        matrices.append(sp.csc_matrix((data, indices, indptr), shape=(n, n)))
-    return tuple(matrices)
 
 
 def isotropic_stiffness(youngs_modulus: complex, poisson: float) -> np.ndarray:

@@ -8,7 +8,7 @@ times that. A unit force per wheelset is F = 1/2 on each rail.
 Below zero frequency the hysteretic moduli are conjugate, so response(k, -ω) = conj response(-k, ω);
 σxx, σyy, σzz and the displacement are even in k, τxz is odd.
 
-Depends on: track, transfer, depth, quadrature, reduced, settings.
+Depends on: track, transfer, depth, quadrature, reduced, section, settings.
 """
 
 from collections.abc import Iterator
@@ -21,6 +21,7 @@ from mcsettle.fem25d.depth import depth_grid, geostatic_stress
 from mcsettle.fem25d.modal import ModalBand, modal_bands
 from mcsettle.fem25d.quadrature import Quadrature, jump_shares, wavenumber_quadrature
 from mcsettle.fem25d.reduced import Band
+from mcsettle.fem25d.section import ElementProperties
 from mcsettle.fem25d.settings import Settings
 from mcsettle.track import Material, SectionTrack
 from mcsettle.transfer import DepthGrid, WavenumberSpectra
@@ -38,12 +39,36 @@ def rayleigh_speed(material: Material) -> float:
     return float(material.shear_wave_speed * np.sqrt(x))
 
 
+def rail_coupling(
+    track: SectionTrack,
+    k: np.ndarray,
+    omega: np.ndarray,
+    foot: np.ndarray,
+    sign: np.ndarray | float = 1.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rail receptance [m/N·m] and force on one pad [N/N] under a unit force per wheelset.
+
+    ``foot`` is the mean displacement under the rail foot per unit pad force [m/N·m] at the
+    wavenumbers ``k`` [rad/m] and frequencies ``omega`` [rad/s]; ``sign`` that of the frequency
+    whose moduli are meant. All [N].
+    """
+    rail, pad = track.rail, track.pad
+    factor = 2.0 if track.damping_convention == "damping_ratio" else 1.0
+    bending = rail.bending_stiffness * (1.0 + 1j * factor * rail.damping * sign)
+    free = bending * k**4 - rail.mass_per_length * omega**2
+    support = 1.0 / (1.0 / (pad.stiffness + 1j * omega * pad.damping) + foot)
+    receptance = 0.5 / (free + support)
+    return receptance, support * receptance
+
+
 @dataclass(frozen=True, eq=False)
 class SectionResponse:
     """Response of a section track to a unit moving load per wheelset (a ``TrackResponse``).
 
     ``bands`` are the reduced bases, ``errors`` [n] their relative errors against direct solutions
     at random points (k, ω) the bases never saw, ``solves`` the number of direct solutions spent.
+    ``properties`` are the elements' own where the soil is equivalent-linear; the wave speeds are
+    those of the layers at small strains.
     """
 
     track: SectionTrack
@@ -52,6 +77,7 @@ class SectionResponse:
     bands: tuple[Band, ...]
     errors: np.ndarray
     digest: str
+    properties: ElementProperties | None = None
 
     @cached_property
     def grid(self) -> DepthGrid:
@@ -167,16 +193,11 @@ class SectionResponse:
         ``ground`` holds the outputs with the moduli of positive frequency; ``sign`` is the sign of
         the frequency whose moduli are meant.
         """
-        rail, pad = self.track.rail, self.track.pad
         z = ground.shape[1] // 4
         sign = np.broadcast_to(np.asarray(sign, dtype=float), k.shape)
         values = np.where(sign[:, None] > 0.0, ground, ground.conj())
         values[:, -z:] *= sign[:, None]
-        factor = 2.0 if self.track.damping_convention == "damping_ratio" else 1.0
-        bending = rail.bending_stiffness * (1.0 + 1j * factor * rail.damping * sign)
-        free = bending * k**4 - rail.mass_per_length * omega**2
-        support = 1.0 / (1.0 / (pad.stiffness + 1j * omega * pad.damping) + values[:, 0])
-        receptance = 0.5 / (free + support)
-        values = values * (support * receptance)[:, None]
+        receptance, force = rail_coupling(self.track, k, omega, values[:, 0], sign)
+        values = values * force[:, None]
         values[:, 0] = receptance
         return np.asarray(values)

@@ -34,6 +34,11 @@ def stress_operators(
         [Z] m, heights on the centreline.
     layer_bounds : list of (upper, lower)
         Heights [m] between which the stress is smooth.
+
+    Raises
+    ------
+    ValueError
+        If a height lies in no layer (on an interface, say).
     """
     column = np.flatnonzero(place[0] == 0)
     gauss = (1.0 + np.array([-1.0, 1.0]) / np.sqrt(3.0)) / 2.0
@@ -76,6 +81,12 @@ def _to_centreline(
 ) -> sp.csr_matrix:
     """Weights [Z, P] that carry values at Gauss points to (0, z)."""
     y, height = y.ravel(), height.ravel()
+    found = [any(lower < place < upper for upper, lower in layer_bounds) for place in z]
+    if not all(found):
+        raise ValueError(
+            f"heights {z} m must lie inside the layers {layer_bounds}: on an interface the stress "
+            "has two values"
+        )
     levels, level = np.unique(np.round(height, 9), return_inverse=True)
     y1, y2 = y.min(), y.max()
     at_centre = np.where(y < (y1 + y2) / 2.0, y2**2, -(y1**2)) / (y2**2 - y1**2)

@@ -2,8 +2,8 @@
 
 The operator K0 + k K1 + k² K2 - ω² M is affine, so it projects once. A basis serves one band of
 wavenumbers. It is grown greedily: solve where the residual of the present basis is largest, add the
-solution with its derivatives to k and ω² (one factorisation serves all), until the solution just
-computed had been predicted within the tolerance.
+solution with its first and second derivatives to k and ω² (one factorisation serves all), until the
+solution just computed had been predicted within the tolerance.
 
 The projection is Wᵀ A V. The trial space V holds solutions and derivatives; the test space W holds
 the solutions and, from the same factorisations, adjoint solutions for random mixtures of the stress
@@ -26,7 +26,7 @@ from mcsettle.fem25d.section import Section
 from mcsettle.fem25d.solve import factorise, outputs
 
 FAR_FIELD = 0.5  # m, distance beyond which residuals count less
-ADJOINTS = 2  # stress mixtures a solution, as many as there are derivatives
+DERIVATIVES = 5  # of a solution: to ω², k, and the three second ones; as many adjoint solutions
 SKETCH = 64  # rows of the random sketch
 SKETCH_SEED = 20_240_117
 CONFIRMATIONS = 2  # predicted solutions within the tolerance that end the growth
@@ -105,13 +105,19 @@ class _Growth:
         s = self.section
         lu = factorise(s, wavenumber, omega)
         self.solves += 1
-        _, k1, k2, m = self.matrices
         u = lu.solve(s.load.astype(np.complex128))
-        slopes = [m @ u, -(k1 @ u + 2.0 * wavenumber * (k2 @ u))]
-        mix = self.rng.standard_normal((s.stress0.shape[0], ADJOINTS))
+        mix = self.rng.standard_normal((s.stress0.shape[0], DERIVATIVES))
         sources = s.stress0.T @ mix + wavenumber * (s.stress1.T @ mix)
-        fields = lu.solve(np.column_stack([*slopes, sources]))
-        self._extend(np.column_stack([u, fields[:, :2]]), np.column_stack([u, fields[:, 2:]]))
+        _, k1, k2, m = self.matrices
+        slope = k1 + 2.0 * wavenumber * k2  # of the operator to k; to ω² it is -m
+        fields = lu.solve(np.column_stack([m @ u, -(slope @ u), sources]))
+        by_omega, by_k = fields[:, 0], fields[:, 1]
+        curvatures = [2.0 * (m @ by_omega), m @ by_k - slope @ by_omega]
+        curvatures.append(-2.0 * (slope @ by_k + k2 @ u))
+        second = lu.solve(np.column_stack(curvatures))
+        self._extend(
+            np.column_stack([u, fields[:, :2], second]), np.column_stack([u, fields[:, 2:]])
+        )
         return outputs(s, wavenumber, u)
 
     def _extend(self, trial: np.ndarray, test: np.ndarray) -> None:

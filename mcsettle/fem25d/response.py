@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from mcsettle.fem25d.cache import FORMAT, cache_folder, digest_of, read_bands, write_bands
 from mcsettle.fem25d.moving import SectionResponse, rayleigh_speed
 from mcsettle.fem25d.reduced import Band, grow_band, output_error, training_set
-from mcsettle.fem25d.section import Section, track_section
+from mcsettle.fem25d.section import ElementProperties, Section, track_section
 from mcsettle.fem25d.settings import Settings
 from mcsettle.fem25d.solve import outputs, solve
 from mcsettle.track import SectionTrack
@@ -36,6 +36,7 @@ def section_response(
     progress: Progress | None = None,
     workers: int = 1,
     use_cache: bool = True,
+    properties: ElementProperties | None = None,
 ) -> SectionResponse:
     """Response of a ballasted track to moving loads (Step A), computed once and kept on disk.
 
@@ -55,6 +56,8 @@ def section_response(
         Processes (spawned, and closed before return); 1 computes in this process.
     use_cache : bool
         False neither reads nor writes stored bases.
+    properties : ElementProperties, optional
+        Moduli and damping element by element (``soften``); default those of the layers.
 
     Raises
     ------
@@ -66,26 +69,67 @@ def section_response(
     settings = Settings() if settings is None else settings
     if workers < 1:
         raise ValueError(f"workers is {workers}; at least one is needed")
-    key = _basis_digest(track, integration_depth, settings)
+    model = _Model(track, integration_depth, settings, properties)
+    key = model.basis_digest
     path = (cache_folder() if cache is None else Path(cache)) / f"section-{key[:32]}.npz"
     found = read_bands(path) if use_cache else None
     if found is None:
-        found = _compute(track, integration_depth, settings, progress, workers)
+        found = _compute(model, progress, workers)
         if use_cache:
             write_bands(path, *found)
-    digest = digest_of(_description(track, integration_depth, settings))
-    return SectionResponse(track, integration_depth, settings, found[0], found[1], digest)
+    digest = digest_of(model.description)
+    return SectionResponse(
+        track, integration_depth, settings, found[0], found[1], digest, properties
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """All that a response depends on."""
+
+    track: SectionTrack
+    integration_depth: float
+    settings: Settings
+    properties: ElementProperties | None
+
+    def section(self) -> Section:
+        """The full operator."""
+        return track_section(
+            self.track, self.integration_depth, self.settings.mesh, self.properties
+        )
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """Everything a response depends on (the settlement laws are not part of it)."""
+        layers = tuple(replace(layer, law=None) for layer in self.track.layers)
+        found = {
+            "format": FORMAT,
+            "track": asdict(replace(self.track, layers=layers)),
+            "integration_depth": self.integration_depth,
+            "settings": asdict(self.settings),
+        }
+        if self.properties is not None:
+            found["properties"] = self.properties.digest
+        return found
+
+    @property
+    def basis_digest(self) -> str:
+        """Digest of what the bases depend on: not rail, pad, settlement laws, K0 or quadrature."""
+        plain = replace(self.settings, panel=1.0, panel_points=2)
+        description = replace(self, settings=plain).description
+        del description["track"]["pad"]
+        rail = description["track"]["rail"]
+        description["track"]["rail"] = [rail["offset"], rail["foot_width"]]
+        for layer in description["track"]["layers"]:
+            del layer["k0"], layer["name"]
+        return digest_of(description)
 
 
 def _compute(
-    track: SectionTrack,
-    integration_depth: float,
-    settings: Settings,
-    progress: Progress | None,
-    workers: int,
+    model: _Model, progress: Progress | None, workers: int
 ) -> tuple[tuple[Band, ...], np.ndarray]:
     """Grow every band, here or in spawned processes; the result does not depend on which."""
-    count = len(settings.bands)
+    count = len(model.settings.bands)
     done: dict[int, tuple[Band, np.ndarray]] = {}
 
     def report(index: int) -> None:
@@ -94,19 +138,17 @@ def _compute(
             progress(len(done), count, f"track response: {solves} solutions")
 
     if workers == 1:
-        section = track_section(track, integration_depth, settings.mesh)
+        section = model.section()
         for i in range(count):
-            done[i] = _grow(section, track, settings, i)
+            done[i] = _grow(section, model, i)
             report(i)
     else:
         context = multiprocessing.get_context("spawn")
         with (
-            _one_blas_thread(),
+            one_blas_thread(),
             ProcessPoolExecutor(min(workers, count), mp_context=context) as pool,
         ):
-            jobs = {
-                pool.submit(_task, track, integration_depth, settings, i): i for i in range(count)
-            }
+            jobs = {pool.submit(_task, model, i): i for i in range(count)}
             for job in as_completed(jobs):
                 done[jobs[job]] = job.result()
                 report(jobs[job])
@@ -115,7 +157,7 @@ def _compute(
 
 
 @contextmanager
-def _one_blas_thread() -> Iterator[None]:
+def one_blas_thread() -> Iterator[None]:
     """Let processes spawned inside use one BLAS thread each: they read it when they start."""
     before = os.environ.get(BLAS_THREADS)
     os.environ[BLAS_THREADS] = "1"
@@ -131,20 +173,17 @@ def _one_blas_thread() -> Iterator[None]:
 _sections: dict[str, Section] = {}  # of a worker process: bands of one track share their section
 
 
-def _task(
-    track: SectionTrack, integration_depth: float, settings: Settings, index: int
-) -> tuple[Band, np.ndarray]:
-    key = _basis_digest(track, integration_depth, settings)
+def _task(model: _Model, index: int) -> tuple[Band, np.ndarray]:
+    key = model.basis_digest
     if key not in _sections:
         _sections.clear()
-        _sections[key] = track_section(track, integration_depth, settings.mesh)
-    return _grow(_sections[key], track, settings, index)
+        _sections[key] = model.section()
+    return _grow(_sections[key], model, index)
 
 
-def _grow(
-    section: Section, track: SectionTrack, settings: Settings, index: int
-) -> tuple[Band, np.ndarray]:
+def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray]:
     """One band and its errors at random points it never saw."""
+    track, settings = model.track, model.settings
     lower = 0.0 if index == 0 else settings.bands[index - 1]
     upper = settings.bands[index]
     speeds = {rayleigh_speed(layer.material) for layer in track.ground}
@@ -157,28 +196,3 @@ def _grow(
         exact = outputs(section, k, solve(section, k, omega))
         errors.append(output_error(band.outputs(k, np.array([omega]))[0], exact))
     return band, np.array(errors)
-
-
-def _basis_digest(track: SectionTrack, integration_depth: float, settings: Settings) -> str:
-    """Digest of what the bases depend on: not rail, pad, settlement laws, K0 or quadrature."""
-    plain = replace(settings, panel=1.0, panel_points=2)
-    description = _description(track, integration_depth, plain)
-    del description["track"]["pad"]
-    rail = description["track"]["rail"]
-    description["track"]["rail"] = [rail["offset"], rail["foot_width"]]
-    for layer in description["track"]["layers"]:
-        del layer["k0"], layer["name"]
-    return digest_of(description)
-
-
-def _description(
-    track: SectionTrack, integration_depth: float, settings: Settings
-) -> dict[str, Any]:
-    """Everything a response depends on (the settlement laws are not part of it)."""
-    plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
-    return {
-        "format": FORMAT,
-        "track": asdict(plain),
-        "integration_depth": integration_depth,
-        "settings": asdict(settings),
-    }

@@ -9,9 +9,11 @@ rail foot and takes the mean displacement under it, so rail and pad join the sec
 Depends on: track, depth, element, grid, outputs, pml.
 """
 
+import hashlib
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,7 +23,8 @@ from mcsettle.fem25d.depth import depth_grid
 from mcsettle.fem25d.element import (
     DISPLACEMENTS,
     Cells,
-    assemble_operators,
+    Pattern,
+    element_operators,
     isotropic_stiffness,
     smeared_stiffness,
     vector_basis,
@@ -91,7 +94,39 @@ class Ground:
     density: float
 
 
-def damped(youngs_modulus: float, damping: float, convention: str) -> complex:
+@dataclass(frozen=True, eq=False)
+class ElementProperties:
+    """Properties of every element of a track section, E in number, in the order of ``track_grid``.
+
+    ``scale`` [E] is the modulus over that of the layer, ``damping`` [E] the coefficient ξ in the
+    track's convention.
+    """
+
+    scale: np.ndarray
+    damping: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.scale.shape != self.damping.shape or self.scale.ndim != 1:
+            raise ValueError(
+                f"element properties need two lists of one length, received {self.scale.shape} "
+                f"and {self.damping.shape}"
+            )
+        if not (np.all(self.scale > 0.0) and np.all(np.isfinite(self.scale))):
+            raise ValueError("the elements' moduli must be positive and finite")
+        if not np.all((self.damping >= 0.0) & (self.damping < 0.5)):
+            raise ValueError("the elements' damping must lie in [0, 0.5)")
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 hex digest of the values."""
+        both = np.ascontiguousarray(np.stack([self.scale, self.damping]))
+        return hashlib.sha256(both.tobytes()).hexdigest()
+
+
+Scalar = TypeVar("Scalar", float, np.ndarray)
+
+
+def damped(youngs_modulus: float, damping: Scalar, convention: str) -> Any:
     """Complex modulus E (1 + 2iξ) or, for ``loss_factor``, E (1 + iξ) at ω > 0 [Pa]."""
     factor = 2.0 if convention == "damping_ratio" else 1.0
     return youngs_modulus * (1.0 + 1j * factor * damping)
@@ -106,6 +141,7 @@ def build_section(
     strip: tuple[float, float],
     z: np.ndarray,
     layer_bounds: list[tuple[float, float]],
+    factor: np.ndarray | None = None,
 ) -> Section:
     """Assemble a half section that is symmetric about y = 0.
 
@@ -123,11 +159,49 @@ def build_section(
         [Z] m, heights on the centreline where stresses are given.
     layer_bounds : list of (upper, lower)
         Heights [m] between which stresses are smooth; each z lies in one.
+    factor : np.ndarray, optional
+        [E] complex, multiplies the stiffness of each element (in the order of ``laid_out``).
 
     Returns
     -------
     Section
     """
+    grid = laid_out(y, depth, top, materials, index)
+    basis, free, cells = grid.basis, grid.free, grid.cells
+    if factor is not None:
+        cells = replace(cells, stiffness=cells.stiffness * factor)
+    pattern = Pattern.of(basis.element_dofs, free)
+    operators = [pattern.added_up(part) for part in element_operators(basis, cells)]
+    stress0, stress1 = stress_operators(basis, cells, grid.place, z, layer_bounds)
+    return Section(
+        (operators[0], operators[1], operators[2]),
+        operators[3],
+        strip_load(basis, strip, top)[free],
+        sp.csr_matrix(stress0[:, free]),
+        sp.csr_matrix(stress1[:, free]),
+        basis,
+        free,
+    )
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Elements of a half section: their basis, free unknowns, materials and places.
+
+    ``place`` [2, E] column and row (counted downwards); ``material`` [E] index of the material.
+    """
+
+    basis: skfem.Basis
+    free: np.ndarray
+    cells: Cells
+    place: np.ndarray
+    material: np.ndarray
+
+
+def laid_out(
+    y: Lines, depth: Lines, top: float, materials: list[Ground], index: np.ndarray
+) -> Grid:
+    """Elements on mesh lines; parameters as in ``build_section``."""
     mesh, place = structured_mesh(y, depth, top)
     mesh = mesh.restrict(np.flatnonzero(index[place[0], place[1]] >= 0))
     place = element_columns(mesh, y, depth, top)
@@ -140,20 +214,15 @@ def build_section(
     )
     basis = vector_basis(mesh)
     free = _free_unknowns(basis, y.position[-1], top - depth.position[-1])
-    operators = [_restricted(k, free) for k in assemble_operators(basis, cells)]
-    stress0, stress1 = stress_operators(basis, cells, place, z, layer_bounds)
-    return Section(
-        (operators[0], operators[1], operators[2]),
-        operators[3],
-        _strip_load(basis, strip, top)[free],
-        sp.csr_matrix(stress0[:, free]),
-        sp.csr_matrix(stress1[:, free]),
-        basis,
-        free,
-    )
+    return Grid(basis, free, cells, place, chosen)
 
 
-def track_section(track: SectionTrack, integration_depth: float, mesh: MeshSettings) -> Section:
+def track_section(
+    track: SectionTrack,
+    integration_depth: float,
+    mesh: MeshSettings,
+    properties: ElementProperties | None = None,
+) -> Section:
     """Half section of a ballasted track: sleeper, embankment, layered ground, border.
 
     Parameters
@@ -164,18 +233,65 @@ def track_section(track: SectionTrack, integration_depth: float, mesh: MeshSetti
         Depth [m] below z = 0 down to which stresses are given; the mesh is real to there.
     mesh : MeshSettings
         Element sizes and absorbing border.
+    properties : ElementProperties, optional
+        Moduli and damping element by element; default those of the layers.
+
+    Raises
+    ------
+    ValueError
+        If the properties are not as many as the elements.
     """
-    top = depth_below_subgrade(track.layers) + track.sleeper.height
     y, depth = track_lines(track, integration_depth, mesh)
     materials, index = _track_materials(track, y, depth)
     grid = depth_grid(track, integration_depth)
-    foot = (
-        track.rail.offset - track.rail.foot_width / 2.0,
-        track.rail.offset + track.rail.foot_width / 2.0,
-    )
+    factor = None
+    if properties is not None:
+        factor = stiffness_factors(track, track_grid(track, integration_depth, mesh), properties)
     return build_section(
-        y, depth, top, materials, index, foot, grid.z, _layer_bounds(track, integration_depth)
+        y,
+        depth,
+        track_top(track),
+        materials,
+        index,
+        rail_foot(track),
+        grid.z,
+        _layer_bounds(track, integration_depth),
+        factor,
     )
+
+
+def track_grid(track: SectionTrack, integration_depth: float, mesh: MeshSettings) -> Grid:
+    """Elements of a track section; material 0 is the sleeper, the layers follow from the top."""
+    y, depth = track_lines(track, integration_depth, mesh)
+    materials, index = _track_materials(track, y, depth)
+    return laid_out(y, depth, track_top(track), materials, index)
+
+
+def track_top(track: SectionTrack) -> float:
+    """Height [m] of the top of the sleepers above the subgrade surface."""
+    return depth_below_subgrade(track.layers) + track.sleeper.height
+
+
+def rail_foot(track: SectionTrack) -> tuple[float, float]:
+    """Edges [m] of the foot of the rail at y > 0."""
+    half = track.rail.foot_width / 2.0
+    return track.rail.offset - half, track.rail.offset + half
+
+
+def stiffness_factors(track: SectionTrack, grid: Grid, properties: ElementProperties) -> np.ndarray:
+    """Complex factors [E] that turn the layers' stiffness into that of ``properties``."""
+    if properties.scale.shape != (grid.material.size,):
+        raise ValueError(
+            f"{properties.scale.size} element properties given for {grid.material.size} elements"
+        )
+    own = table_damping(track)[grid.material]
+    new = damped(1.0, properties.damping, track.damping_convention)
+    return np.asarray(properties.scale * new / damped(1.0, own, track.damping_convention))
+
+
+def table_damping(track: SectionTrack) -> np.ndarray:
+    """Damping coefficient of every material: the sleeper, then the layers."""
+    return np.array([track.sleeper.material.damping, *(w.material.damping for w in track.layers)])
 
 
 def track_lines(
@@ -254,11 +370,7 @@ def _free_unknowns(basis: skfem.Basis, y_end: float, z_end: float) -> np.ndarray
     return np.flatnonzero(~fixed)
 
 
-def _restricted(matrix: sp.csc_matrix, free: np.ndarray) -> sp.csc_matrix:
-    return sp.csc_matrix(matrix[free][:, free])
-
-
-def _strip_load(basis: skfem.Basis, strip: tuple[float, float], top: float) -> np.ndarray:
+def strip_load(basis: skfem.Basis, strip: tuple[float, float], top: float) -> np.ndarray:
     """Nodal forces of a unit downward force, even over a strip of the top line [N]."""
 
     def on_strip(x: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ class Settings:
     The response is available for speeds up to ``max_speed`` [m/s] and driving frequencies up to
     ``max_omega`` [rad/s]: the basis is trained on ω ≤ max_omega + k max_speed for k up to the last
     of ``bands`` [rad/m]. ``tolerance`` is the error at the points of worst residual that ends the
-    growth of a basis; the error elsewhere is one to two orders smaller. ``panel`` [rad/m] is the
+    growth of a basis; the error elsewhere is two to three orders smaller. ``panel`` [rad/m] is the
     longest quadrature panel for k < 3 rad/m, fit for distances up to about 12/(panel/2) m.
     """
 

@@ -20,8 +20,8 @@ class AxlePassage:
 
     At ``x`` [X] m, when the axle is overhead: ``profile`` m (positive down); deviatoric stress Pa at
     one height: ``total``, of the ``dynamic`` part alone, and ``quasi_static`` (one number). At
-    ``places`` [P] m: settlement m of the first layer and of all, ``*_quasi_static`` without a
-    profile (one number each).
+    ``places`` [P] m: settlement m of the uppermost settling layer and of all; ``*_quasi_static``
+    without a profile (one number each).
     """
 
     label: str
@@ -61,7 +61,9 @@ def axle_passage(
     waves = amplitudes[:, None] * np.exp(1j * np.outer(transfer.wavenumbers, x))
     dynamic = np.real((transfer.dynamic[axle] @ weights).T @ waves)  # [4, X]
     static = transfer.quasi_static[axle] @ weights
-    first = replace(model, laws=(model.laws[0], *(None for _ in model.laws[1:])))
+    upper = model.settling_layers[0]
+    laws = tuple(law if i == upper else None for i, law in enumerate(model.laws))
+    first = replace(model, laws=laws)
     cycles = np.array([1.0 if law is None else model.cycles_before(law) for law in model.laws])
 
     def settlement(which: SettlementModel, profile: np.ndarray) -> np.ndarray:

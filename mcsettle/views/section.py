@@ -54,3 +54,15 @@ def section_view(
         n_elements=int(np.sum(material >= 0)),
         rail=track.rail.offset,
     )
+
+
+def cell_values(view: SectionView, place: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values [E] of elements at ``place`` [2, E] (column, row) as an array over the view's cells.
+
+    Cells outside the track are NaN; elements of the absorbing border are left out.
+    """
+    cells = np.full(view.material.shape, np.nan)
+    column, row = place
+    shown = (column < cells.shape[0]) & (row < cells.shape[1])
+    cells[column[shown], row[shown]] = values[shown]
+    return cells

@@ -20,12 +20,14 @@ CHUNK = 128  # places along the track evaluated together
 class DepthCurve:
     """Deviatoric stress against depth for one train at one speed.
 
-    ``z`` [Z] m (up, 0 at the subgrade surface); ``quasi_static`` [Z] Pa, mean over the axles, each
-    overhead; ``dynamic`` [Z] Pa, root mean square over profile and axles of the dynamic part alone.
+    ``z`` [Z] m (up, 0 at the subgrade surface), ``layer`` [Z]; ``quasi_static`` [Z] Pa, mean over
+    the axles, each overhead; ``dynamic`` [Z] Pa, root mean square over profile and axles of the
+    dynamic part alone.
     """
 
     label: str
     z: np.ndarray
+    layer: np.ndarray
     quasi_static: np.ndarray
     dynamic: np.ndarray
 
@@ -78,8 +80,10 @@ def layer_weights(grid: DepthGrid, layer: int, z: float) -> np.ndarray:
 def depth_curve(transfer: TransferFunctions, power: np.ndarray, label: str) -> DepthCurve:
     """σ_d against depth; ``power`` [K] m² is ``profile_power``."""
     overhead = quasi_static_overhead(transfer, np.eye(transfer.grid.z.size))
-    dynamic = dynamic_rms(transfer, power, np.eye(transfer.grid.z.size))
-    return DepthCurve(label, transfer.grid.z, overhead, dynamic)
+    squares = dynamic_squares(transfer, np.eye(transfer.grid.z.size))
+    return DepthCurve(
+        label, transfer.grid.z, transfer.grid.layer, overhead, np.sqrt(power @ squares)
+    )
 
 
 def quasi_static_overhead(transfer: TransferFunctions, weights: np.ndarray) -> np.ndarray:
@@ -91,18 +95,26 @@ def quasi_static_overhead(transfer: TransferFunctions, weights: np.ndarray) -> n
     return np.asarray(deviatoric_stress(*stress).mean(axis=0))
 
 
-def dynamic_rms(
-    transfer: TransferFunctions, power: np.ndarray, weights: np.ndarray
-) -> np.ndarray:
-    """Root mean square over profile and axles of the dynamic part's σ_d [D] Pa.
+def dynamic_squares(transfer: TransferFunctions, weights: np.ndarray) -> np.ndarray:
+    """|D σ|² of the dynamic part per unit power of each mode, mean over the axles, [K, D] Pa²/m².
 
-    σ_d² is the quadratic form |D σ|², so its mean over a stationary profile is the sum over the
-    modes of their ``power`` [K] m² times |D (transfer function)|²; no sampling is needed.
+    σ_d² is the quadratic form |D σ|², so its mean over x is the sum over the modes of their power
+    [m²] times this. ``weights`` [D, Z] as in ``quasi_static_overhead``.
     """
-    at_heights = transfer.dynamic @ weights.T  # [J, K, 4, D]
-    states = np.einsum("ic,jkcd->jkid", DEVIATOR, at_heights)
-    squares = np.einsum("k,jkid->jd", power, np.abs(states) ** 2)
-    return np.sqrt(squares.mean(axis=0))
+    states = np.einsum("ic,jkcd->jkid", DEVIATOR, transfer.dynamic @ weights.T)
+    return np.asarray((np.abs(states) ** 2).sum(axis=2).mean(axis=0))
+
+
+def change_squares(transfer: TransferFunctions, weights: np.ndarray) -> np.ndarray:
+    """As ``dynamic_squares``, of the change of σ_d that a small dynamic stress makes.
+
+    About the quasi-static state σ_d changes by n · (D σ), n the direction of the quasi-static D σ.
+    """
+    states = np.einsum("ic,jkcd->jkid", DEVIATOR, transfer.dynamic @ weights.T)
+    mean = np.einsum("ic,jcd->jid", DEVIATOR, transfer.quasi_static @ weights.T)
+    direction = mean / np.linalg.norm(mean, axis=1, keepdims=True)
+    change = np.einsum("jid,jkid->jkd", direction, states)
+    return np.asarray((np.abs(change) ** 2).mean(axis=0))
 
 
 def stress_along(

@@ -1,0 +1,205 @@
+"""Lines on uncertainty: what the spread consists of, lines of track, tornado, convergence, posterior.
+
+Depends on: estimate, inference, stopping, study, summary, tornado (types only), rich.
+"""
+
+import sys
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mcsettle.estimate import Estimate, Statistic
+    from mcsettle.inference import Posterior
+    from mcsettle.stopping import Batch, Target
+    from mcsettle.summary import SummaryRow
+    from mcsettle.tornado import Bar
+
+WIDTH = 140
+
+
+def print_spread(rows: "list[SummaryRow]") -> None:
+    """Tables of one variant: variance split and indices, pairing, and the mean along a line."""
+    console, table = _console(), _table("What the spread consists of, share of the variance [%]")
+    for heading in ("parameters", "sections", "interaction", "pairing gain", "correlation"):
+        table.add_column(heading, justify="right")
+    told = False
+    for row in rows:
+        cells = [_share(row, "variance_share", part) for part in
+                 ("parameters", "sections", "interaction")]  # fmt: skip
+        cells += [_share(row, kind, "", 1.0) for kind in ("pairing_gain", "correlation")]
+        if any(cells):
+            told = True
+            table.add_row(row.scenario, row.metric, *cells)
+    if told:
+        console.print(table)
+    for line in _index_lines(rows):
+        console.print(line, markup=False)
+    _print_lines(console, rows)
+
+
+def print_tornado(bars: "list[Bar]") -> None:
+    """One table on stdout: medians at P10 and P90 of each input, the others central."""
+    table = _table("Medians with one input at its P10 and its P90, the others central")
+    for heading in ("input", "P10", "P90"):
+        table.add_column(heading, overflow="fold")
+    for heading in ("at P10", "central", "at P90"):
+        table.add_column(heading, justify="right")
+    previous: tuple[str, str] = ("", "")
+    for bar in bars:
+        head = (bar.scenario, bar.metric)
+        cells = [_plain(v) for v in (bar.low, bar.high, bar.at_low, bar.central, bar.at_high)]
+        table.add_row(*(head if head != previous else ("", "")), bar.input, *cells)
+        previous = head
+    _console().print(table)
+
+
+def tornado_json(bars: "list[Bar]") -> str:
+    """Every bar as JSON."""
+    import dataclasses
+    import json
+
+    return json.dumps([dataclasses.asdict(bar) for bar in bars], indent=1, ensure_ascii=False)
+
+
+def batch_line(batch: "Batch", target: "Target | None") -> str:
+    """One row of the convergence table."""
+    text = f"{batch.realisations:>9} realisations  {batch.seconds:8.1f} s"
+    if target is None:
+        return text
+    error = "unknown" if batch.error is None else f"{100.0 * batch.error:.2f} %"
+    aim = f"{100.0 * target.tolerance:g} %"
+    return f"{text}  standard error {error:>8} of {aim} ({target.metric}, {batch.where})"
+
+
+def posterior_lines(found: "Posterior") -> Iterator[str]:
+    """A posterior: the factor and an uncertain input as TOML to paste, and what to know."""
+    low, middle, high = found.quantiles
+    yield "[settlement]"
+    yield f"settlement_factor = {found.median:.6g}"
+    yield ""
+    yield "[[uncertain]]"
+    yield 'input = "settlement.settlement_factor"'
+    yield 'distribution = "lognormal"'
+    yield f"median = {found.median:.6g}"
+    yield f"log_sd = {found.log_sd:.4g}"
+    n = len(found.observations)
+    yield (
+        f'source = "posterior from {n} observed SD{"s" if n > 1 else ""}, scenario '
+        f'{found.scenario}, variant {found.variant}, {found.realisations} tracks, seed {found.seed}"'
+    )
+    yield f"# least squares on the median SD: {found.least_squares:.6g}"
+    yield f"# posterior P5, P50, P95: {low:.6g}, {middle:.6g}, {high:.6g}"
+    yield f"# {found.effective:.1f} tracks carry the weight; the best one misses by"
+    yield f"# {found.misfit:.2g} standard errors (root mean square)"
+
+
+def posterior_warnings(found: "Posterior") -> Iterator[str]:
+    """What makes a posterior doubtful."""
+    from mcsettle.inference import FEW, MISFIT
+
+    if found.few:
+        yield (
+            f"only {found.effective:.1f} of {found.realisations} tracks carry the weight (below "
+            f"{FEW:g}): take more realisations, or larger errors if the model cannot be that exact"
+        )
+    if found.misfit > MISFIT:
+        yield (
+            f"no track comes nearer to the observations than {found.misfit:.2g} standard errors: "
+            "the model cannot produce them with a factor alone"
+        )
+
+
+def spread_json(row: "SummaryRow") -> list[dict[str, Any]]:
+    """The spread statistics of a row as plain data."""
+    import dataclasses
+
+    return [
+        {
+            "statistic": s.statistic,
+            "subject": s.subject,
+            "level": s.level,
+            **dataclasses.asdict(s.estimate),
+        }
+        for s in row.spread
+    ]
+
+
+def _print_lines(console: Any, rows: "list[SummaryRow]") -> None:
+    """Mean interval and mean cost over lines of several lengths."""
+    table = _table("Mean over a line of independent sections: P5 / P50 / P95")
+    lengths = list(
+        dict.fromkeys(s.subject for r in rows for s in r.spread if s.statistic == "line_mean")
+    )
+    if not lengths:
+        return
+    for heading in lengths:
+        table.add_column(heading, justify="right")
+    for heading in ("mean of sections", "median section", "cost at mean interval"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        of_line = [s for s in row.spread if s.statistic == "line_mean"]
+        if not of_line:
+            continue
+        cells = [
+            " / ".join(_plain(s.estimate.value) for s in of_line if s.subject == length)
+            for length in lengths
+        ]
+        named = ("mean", "restricted_mean", "section_mean")
+        means = (s.estimate for s in (*row.statistics, *row.spread) if s.statistic in named)
+        mean = next(means, None)
+        cells += [_plain(mean.value if mean else None), _plain(row.at(0.5).value)]
+        cells.append(_share(row, "cost_at_mean_interval", "", 1.0))
+        table.add_row(row.scenario, row.metric, *cells)
+    console.print(table)
+    console.print(
+        "A line's price is the mean of its sections' costs. Uncertain inputs are the same all along "
+        "a line, so their spread stays.",
+        markup=False,
+    )
+
+
+def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:
+    """First-order indices, the largest first, one line a metric."""
+    for row in rows:
+        found = [s for s in row.spread if s.statistic == "first_order_index"]
+        found.sort(key=lambda s: -(s.estimate.value or 0.0))
+        if found:
+            parts = ", ".join(_index(s) for s in found[:4])
+            yield f"{row.scenario} {row.metric}, first-order indices [%]: {parts}"
+
+
+def _index(statistic: "Statistic") -> str:
+    value, error = statistic.estimate.value, statistic.estimate.standard_error
+    return f"{statistic.subject} {100.0 * (value or 0.0):.0f} ± {100.0 * (error or 0.0):.0f}"
+
+
+def _share(row: "SummaryRow", kind: str, subject: str, factor: float = 100.0) -> str:
+    found: Iterable[Estimate] = (
+        s.estimate for s in row.spread if s.statistic == kind and s.subject == subject
+    )
+    estimate = next(iter(found), None)
+    if estimate is None:
+        return ""
+    if estimate.value is None:
+        return "–"
+    error = f" ± {factor * estimate.standard_error:.2g}" if estimate.standard_error else ""
+    return f"{factor * estimate.value:.3g}{error}"
+
+
+def _plain(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"
+
+
+def _console() -> Any:
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
+
+
+def _table(title: str) -> Any:
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", pad_edge=False)
+    table.add_column("scenario", overflow="fold")
+    table.add_column("metric", no_wrap=True)
+    return table

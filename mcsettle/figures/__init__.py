@@ -1,0 +1,7 @@
+"""Pictures of a track: each function takes what ``mcsettle.views`` returns and gives a Figure.
+
+``style`` is the one place for colours, fonts and the writing of files. Only these modules import
+matplotlib.
+
+Depends on: nothing; see the modules.
+"""

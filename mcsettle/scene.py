@@ -1,0 +1,66 @@
+"""One variant and scenario of a study as Step B takes it: case, initial tracks, days recorded.
+
+Depends on: case, irregularity, step_a, study, units.
+"""
+
+import hashlib
+
+import numpy as np
+
+from mcsettle.case import Case
+from mcsettle.irregularity import default_section, sample_profiles, spectrum
+from mcsettle.step_a import StepA, study_wavenumbers
+from mcsettle.study import Study
+from mcsettle.units import DAYS_PER_YEAR
+
+
+def build_case(study: Study, prepared: StepA, variant: str, scenario: str) -> Case:
+    """The engine's description of one variant and scenario."""
+    settings = study.settlement_settings(variant)
+    return Case(
+        timetable=study.timetable(scenario),
+        transfers=prepared.transfers[variant, scenario],
+        model=settings.model(study.track(variant)),
+        window=study.profile.window_m,
+        sd_limit=study.limit.sd_limit,
+        horizon=study.limit.horizon_days,
+    )
+
+
+def initial_profiles(study: Study, indices: range) -> np.ndarray:
+    """Initial amplitudes complex [R, K] m of the realisations ``indices``, the same in every scenario."""
+    profile = study.profile
+    return sample_profiles(
+        spectrum(profile.spectrum, profile.fra_class),
+        study_wavenumbers(study),
+        profile.window_m,
+        study.seed,
+        indices,
+        sd=profile.sd,
+        section=default_section(profile.window_m),
+    )
+
+
+def sample_days(study: Study) -> np.ndarray:
+    """Days at which histories are recorded: the study's, the start and the first year."""
+    days = {0.0, DAYS_PER_YEAR, *study.run.history_days}
+    return np.array(sorted(day for day in days if day <= study.limit.horizon_days))
+
+
+def step_b_key(study: Study, variant: str, scenario: str) -> str:
+    """Digest of all that decides Step B's rows of one variant and scenario: no economics.
+
+    Studies of equal key (parameter sets that differ in money alone) have equal rows.
+    """
+    run = study.run
+    parts = (
+        study.track_table,  # what the track is made of, and how it is modelled
+        study.variant(variant).layers,
+        study.settlement_settings(variant),
+        study.timetable(scenario),
+        study.profile,
+        study.limit,
+        study.seed,
+        (run.stepping, run.right_hand_side, run.history_days),
+    )
+    return hashlib.sha256("\n".join(map(repr, parts)).encode()).hexdigest()

@@ -1,0 +1,184 @@
+"""What the spread of a run's numbers consists of, and what remains of it along a line.
+
+For every metric: the split of its variance between parameters, sections and their interaction, the
+first-order index of each uncertain input, and the distribution of its mean over lines of several
+lengths. For the effects: how much pairing the same tracks has gained, and the cost at the mean interval,
+which is not the mean cost.
+
+Depends on: draws, economics, estimate, key_paths, line, nested, study, units.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from mcsettle import economics
+from mcsettle.draws import all_sets
+from mcsettle.estimate import LEVELS, Estimate, Statistic
+from mcsettle.key_paths import input_column
+from mcsettle.line import line_means
+from mcsettle.nested import LEAST_SETS, crossed_mean, first_order, spread_scores, variance_split
+from mcsettle.study import Study
+from mcsettle.units import DAYS_PER_YEAR
+
+INTERVAL = "tamping_interval_days"
+IDENTITY = 1e-12  # relative variance of a paired effect below which it is the same on every track
+
+
+def matrix(table: pd.DataFrame, column: str) -> np.ndarray:
+    """A column as [E, R], parameter sets × realisations; NaN where empty or missing."""
+    wide = table.pivot(index="parameter_set", columns="realisation", values=column)
+    return wide.to_numpy(dtype=float, na_value=np.nan)
+
+
+def interval_spread(study: Study, table: pd.DataFrame) -> list[Statistic]:
+    """Split, indices and lines of the tamping interval in one variant and scenario."""
+    days = matrix(table, INTERVAL)
+    censored = np.isnan(days) & ~np.isnan(matrix(table, "censored_at_days"))
+    found = list(_split(study, table, days, censored))
+    return found + _lines(study, days, "d", "censored sections left out" if censored.any() else "")
+
+
+def effect_spread(
+    study: Study,
+    variant: str,
+    scenario: str,
+    realisations: pd.DataFrame,
+    effects: pd.DataFrame,
+) -> dict[str, list[Statistic]]:
+    """Split, indices, lines, pairing gain and cost at the mean interval, by metric."""
+    change, prices = study.change(scenario), study.priced
+    if change is None or prices is None:
+        return {}
+    own = realisations[realisations["variant"] == variant]
+    base, other = (
+        matrix(own[own["scenario"] == name], INTERVAL) for name in (prices.baseline, scenario)
+    )
+    found: dict[str, list[Statistic]] = {}
+    for metric in ("reduction_percent", "marginal_cost"):
+        values = matrix(effects, metric)
+        if not _is_identity(values):
+            found[metric] = list(_split(study, own, values, np.isnan(values)))
+    found.setdefault("reduction_percent", []).extend(_pairing(base, other))
+    cost = matrix(effects, "marginal_cost")
+    at_mean = _cost_at_mean(study, scenario, base, other)
+    costs = found.setdefault("marginal_cost", [])
+    costs += _lines(study, cost, change.unit, "censored pairs left out" if _gaps(cost) else "")
+    note = "censored pairs left out" if _gaps(cost) else ""
+    costs.append(Statistic("section_mean", None, crossed_mean(cost, change.unit, note)))
+    costs.append(Statistic("cost_at_mean_interval", None, _plain(at_mean, cost, change.unit)))
+    return found
+
+
+def _split(
+    study: Study, table: pd.DataFrame, values: np.ndarray, censored: np.ndarray
+) -> Iterator[Statistic]:
+    """Variance shares and first-order indices; nothing where there is one set or one section."""
+    scores, scale = spread_scores(values, censored)
+    if min(scores.shape) < 2 or np.ptp(scores) == 0.0:
+        return
+    split = variance_split(scores, scale)
+    for part in ("parameters", "sections", "interaction"):
+        share = replace(getattr(split, part), n_censored=int(censored.sum()))
+        yield Statistic("variance_share", None, share, part)
+    if len(scores) < LEAST_SETS:
+        return
+    paths = [entry.input for entry in study.uncertain]
+    columns = [input_column(path) for path in paths]
+    drawn = table.groupby("parameter_set")[columns].first().to_numpy(dtype=float)
+    for path, (index, error) in zip(paths, first_order(drawn, scores), strict=True):
+        bounds = index - 1.96 * error, index + 1.96 * error
+        note = f"of the variance of the {scale}"
+        estimate = Estimate(index, *bounds, error, scores.size, int(censored.sum()), "1", note)
+        yield Statistic("first_order_index", None, estimate, path)
+
+
+def _lines(study: Study, values: np.ndarray, unit: str, note: str) -> list[Statistic]:
+    rows = []
+    for line in line_means(values, study.profile.window_m):
+        subject = f"{line.length_km:g} km"
+        for level, value in zip(LEVELS, line.quantiles, strict=True):
+            estimate = Estimate(value, None, None, None, line.n, line.n_left_out, unit, note)
+            rows.append(Statistic("line_mean", level, estimate, subject))
+    return rows
+
+
+def _pairing(base: np.ndarray, other: np.ndarray) -> list[Statistic]:
+    """Variance of log(T₂/T₁) unpaired over paired, and the correlation of log T₁ with log T₂.
+
+    Between tracks within a parameter set: that the sets are shared too is not counted.
+    """
+    both = (base > 0.0) & (other > 0.0)  # known, and not at the limit from the start
+    n = int(np.sum(both))
+    if n < 3:
+        return []
+    first, second = (_within_sets(np.where(both, days, np.nan)) for days in (base, other))
+    gain, correlation = _gain(first, second), float(np.corrcoef(first, second)[0, 1])
+    if gain is None:
+        missing = Estimate(None, None, None, None, n, 0, "1", "the same on every track")
+        return [Statistic("pairing_gain", None, missing)]
+    blocks = np.array_split(np.arange(n), min(n, 50))
+    left = [_gain(np.delete(first, b), np.delete(second, b)) for b in blocks]
+    known = np.array([value for value in left if value is not None])
+    error = float(np.sqrt((len(known) - 1) * np.var(known))) if len(known) > 1 else None
+    dropped = int(np.sum(~both))
+    return [
+        Statistic("pairing_gain", None, Estimate(gain, None, None, error, n, dropped, "1")),
+        Statistic("correlation", None, Estimate(correlation, None, None, None, n, dropped, "1")),
+    ]
+
+
+def _within_sets(days: np.ndarray) -> np.ndarray:
+    """Logarithms of [E, R] days less their set's mean; the known ones, flat."""
+    known = ~np.isnan(days)
+    logs = np.log(days)
+    rows = [row[ok] - np.mean(row[ok]) for row, ok in zip(logs, known, strict=True) if ok.any()]
+    return np.concatenate(rows)
+
+
+def _gain(first: np.ndarray, second: np.ndarray) -> float | None:
+    paired = float(np.var(second - first))
+    unpaired = float(np.var(first) + np.var(second))
+    return None if paired <= IDENTITY * max(unpaired, 1e-300) else unpaired / paired
+
+
+def _cost_at_mean(study: Study, scenario: str, base: np.ndarray, other: np.ndarray) -> float | None:
+    """Marginal cost at the mean intervals of each parameter set, averaged over the sets."""
+    members = all_sets(study)
+    found = []
+    for member, first, second in zip(members, base, other, strict=False):
+        change, prices = member.study.change(scenario), member.study.priced
+        both = ~np.isnan(first) & ~np.isnan(second)
+        if change is None or prices is None or not np.any(both):
+            continue
+        days, changed = float(np.mean(first[both])), float(np.mean(second[both]))
+        gamma = economics.elasticity(days, changed, change.base, change.changed)
+        found.append(
+            float(
+                economics.marginal_cost(
+                    float(gamma),
+                    days / DAYS_PER_YEAR,
+                    prices.tamping_cost_gbp_per_track_km,
+                    prices.discount_rate,
+                    change.divisor,
+                )
+            )
+        )
+    return float(np.mean(found)) if found else None
+
+
+def _plain(value: float | None, values: np.ndarray, unit: str) -> Estimate:
+    n, missing = int(np.sum(~np.isnan(values))), _gaps(values)
+    note = "censored pairs left out" if missing else ""
+    return Estimate(value, None, None, None, n, missing, unit, note)
+
+
+def _gaps(values: np.ndarray) -> int:
+    return int(np.sum(np.isnan(values)))
+
+
+def _is_identity(values: np.ndarray) -> bool:
+    known = values[~np.isnan(values)]
+    return len(known) == 0 or float(np.ptp(known)) <= 1e-6 * abs(float(np.mean(known)))

@@ -1,0 +1,211 @@
+"""The documents against the code: links, study keys with their limits, columns, commands, words."""
+
+import re
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+import typer
+
+from mcsettle import study_schema as schema
+from mcsettle.cli.app import app
+from mcsettle.study import Study, json_schema
+from mcsettle.study_uncertain import CorrelationTable, UncertainTable
+from mcsettle.tables import TABLES
+
+ROOT = Path(__file__).resolve().parents[1]
+GUIDE = (ROOT / "docs" / "user-guide.md").read_text(encoding="utf-8")
+PAGES = sorted(
+    path for folder in (ROOT, ROOT / "docs", ROOT / "studies") for path in folder.glob("*.md")
+)
+HEADINGS: dict[str, type[schema.Table]] = {
+    "Top level": Study,
+    "`[track]`": schema.TrackTable,
+    "`[track.rail]`": schema.RailTable,
+    "`[track.pad]`": schema.PadTable,
+    "`[track.sleeper]`": schema.SleeperTable,
+    "`[track.support]`": schema.SupportTable,
+    "`[track.layers.NAME]`": schema.LayerTable,
+    "`[track.softening]`": schema.SofteningTable,
+    "`[profile]`": schema.ProfileTable,
+    "`[settlement]`": schema.SettlementTable,
+    "`[limit]`": schema.LimitTable,
+    "`[run]`": schema.RunTable,
+    "`[economics]`": schema.EconomicsTable,
+    "`[trains.NAME]`": schema.TrainTable,
+    "`[[scenarios]]`": schema.ScenarioTable,
+    "Services of a timetable": schema.ServiceTable,
+    "`[[variants]]`": schema.VariantTable,
+    "`[[reference]]`": schema.ReferenceTable,
+    "`[[uncertain]]`": UncertainTable,
+    "`[[correlations]]`": CorrelationTable,
+    "`[calibration]`": schema.CalibrationTable,
+}
+COLUMNS = 5  # of a table of keys
+NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e\d+)?")
+LIMITS = {"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "ge", "gt", "le", "lt"}
+COUNTS = {"minItems", "maxItems", "minProperties", "maxProperties"}
+# Words of a workshop, American spellings, and paths of somebody's machine.
+FORBIDDEN = re.compile(
+    r"\b(?:assistant|chatbot|prompt(?:ed|s)?|language model|issue tracker|issue #?\d+)\b"
+    r"|\b(?:behavior|center(?:line)?|color|modeling|modeled|normalize|summarize|gray)\b"
+    r"|(?<![\w.])/(?:home|root|tmp|work|mnt|Users)/",
+    re.IGNORECASE,
+)
+
+
+def part(heading: str) -> str:
+    """Text of the guide below a heading of the third level, up to the next heading."""
+    found = re.search(rf"^### {re.escape(heading)}$(.*?)(?=^##)", GUIDE, re.MULTILINE | re.DOTALL)
+    assert found, f"the guide has no heading '{heading}'"
+    return found[1]
+
+
+def rows(heading: str) -> dict[str, str]:
+    """Lines of the table below a heading by the key in their first cell."""
+    lines = [line for line in part(heading).splitlines() if line.startswith("| `")]
+    return {line.split("`")[1]: line for line in lines if line.count("|") == COLUMNS + 1}
+
+
+def alias(name: str, table: type[schema.Table]) -> str:
+    return table.model_fields[name].alias or name
+
+
+def numbers(row: str) -> set[float]:
+    return {float(found) for found in NUMBER.findall(row.replace("2^63", str(2**63)))}
+
+
+def limits(entry: Any) -> set[float]:
+    """Every bound of a key's schema, single values only: not those of its entries."""
+    if isinstance(entry, list):
+        return set().union(*(limits(part) for part in entry))
+    if not isinstance(entry, dict):
+        return set()
+    own = {float(value) for key, value in entry.items() if key in LIMITS | COUNTS}
+    return own | limits(entry.get("anyOf", []))
+
+
+def leaves(entry: dict[str, Any]) -> list[dict[str, Any]]:
+    """The alternatives of a key's schema, its entries' in a list."""
+    below = [*entry.get("anyOf", []), *([entry["items"]] if "items" in entry else [])]
+    return [entry, *(leaf for part in below for leaf in leaves(part))]
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_every_key_has_its_row_and_no_row_is_stale(heading: str) -> None:
+    table = HEADINGS[heading]
+    assert set(rows(heading)) == {alias(name, table) for name in table.model_fields}
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_defaults_and_required_keys_are_stated(heading: str) -> None:
+    table, found = HEADINGS[heading], rows(heading)
+    for name, field in table.model_fields.items():
+        cell = found[alias(name, table)].split("|")[3]
+        default = field.default
+        assert ("required" in cell) == field.is_required(), f"{heading} {name}: {cell}"
+        if isinstance(default, bool):
+            assert str(default).lower() in cell, f"{heading} {name}: {cell}"
+        elif isinstance(default, str):
+            assert (f'"{default}"' if default else "empty") in cell, f"{heading} {name}: {cell}"
+        elif isinstance(default, int | float):
+            assert float(default) in numbers(cell), f"{heading} {name}: {cell}"
+        elif isinstance(default, tuple) and name == "history_days":
+            assert numbers(cell) == set(default)
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_limits_and_choices_are_stated(heading: str) -> None:
+    table, found, whole = HEADINGS[heading], rows(heading), json_schema()
+    definition = whole if table is Study else whole["$defs"][table.__name__]
+    for name, entry in definition["properties"].items():
+        row = found[name]
+        missing = limits(entry) - numbers(row) - ({0.0} if "0 or more" in row else set())
+        assert not missing, f"{heading} {name}: {missing} missing in {row}"
+        for option in [*entry.get("anyOf", []), entry]:
+            for choice in option.get("enum", []):
+                assert f'"{choice}"' in row, f"{heading} {name}: {choice} missing"
+        kinds = {option.get("type") for option in leaves(entry)}
+        takes_text = {"string", "number"} <= kinds
+        assert takes_text == ("or text" in row), f"{heading} {name}: {row}"
+
+
+def test_every_metric_is_named() -> None:
+    for metric in get_args(schema.METRICS):
+        assert f"`{metric}`" in GUIDE or f'`"{metric}"`' in GUIDE, metric
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_every_column_is_named_with_its_unit(name: str) -> None:
+    text = GUIDE.split(f"**`{name}`**")[1].split("\n**`")[0].split("\nEach folder")[0]
+    for column in TABLES[name].columns:
+        line = next((x for x in text.splitlines() if f"`{column.name}`" in x), None)
+        assert line is not None, f"{name}.{column.name}"
+        unit = column.unit.split(" (")[0]
+        assert unit in line.split("|")[2], f"{name}.{column.name}: {unit} missing in {line}"
+
+
+def test_every_command_and_option_is_named() -> None:
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    for name, command in commands.items():
+        row = next((x for x in GUIDE.splitlines() if x.startswith(f"| `mcsettle {name}")), None)
+        assert row is not None, name
+        options = {o for p in command.params for o in p.opts if o.startswith("--")} - {"--help"}
+        for option in options:
+            assert f"`{option}`" in row, f"{name} {option}"
+        assert options == set(re.findall(r"`(--[a-z-]+)`", row)), f"{name}: stale option in {row}"
+
+
+def test_every_exit_code_is_named() -> None:
+    from mcsettle.cli import edge
+
+    text = GUIDE.split("## Exit codes")[1].split("\n## ")[0]
+    for code in (0, 1, edge.BAD_INPUT, edge.PARTIAL, edge.INTERRUPTED):
+        assert f"| {code} |" in text
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings as code hosts make them."""
+    found, text = set(), re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for title in re.findall(r"^#{1,6} +(.*)$", text, re.MULTILINE):
+        plain = re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+        found.add(plain)
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_links_resolve(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    text = re.sub(r"`[^`\n]*`", "", text)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if "://" in target:
+            continue
+        name, _, anchor = target.partition("#")
+        to = (page.parent / name).resolve() if name else page
+        assert to.exists(), f"{page.name}: {target}"
+        assert to.is_relative_to(ROOT), f"{page.name}: {target} leaves the repository"
+        if anchor:
+            assert anchor in anchors(to), f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_words(page: Path) -> None:
+    found = FORBIDDEN.search(page.read_text(encoding="utf-8"))
+    assert found is None, f"{page.name}: '{found[0]}'"
+
+
+def test_modules_and_tests_that_pages_name_exist() -> None:
+    for page in PAGES:
+        for name in re.findall(r"`((?:\w+/)*\w+\.(?:py|toml))`", page.read_text(encoding="utf-8")):
+            bases = (ROOT, ROOT / "mcsettle", ROOT / "mcsettle" / "fem25d", ROOT / "tests")
+            bases += (ROOT / "tests" / "verification", ROOT / "studies")
+            ours = any((base / name).exists() for base in bases)
+            assert ours or name.endswith("study.toml"), f"{page.name} names {name}"
+
+
+def test_every_verification_case_and_file_is_listed() -> None:
+    from mcsettle.validate import CASES
+
+    text = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
+    files = [path.name for path in (ROOT / "tests" / "verification").glob("test_*.py")]
+    assert [name for name in [*CASES, *files] if f"`{name}`" not in text] == []
