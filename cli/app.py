@@ -8,7 +8,7 @@ track_pictures, track_report, validate, cli.batches, cli.checks, cli.fitting, cl
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -120,7 +120,7 @@ def run(
     checked_folder(out)
     for warning in loaded.warnings:
         talk(f"warning: {warning}")
-    options = {
+    options: dict[str, Any] = {
         "realisations": realisations,
         "parameter_sets": parameter_sets,
         "seed": seed,
@@ -181,7 +181,7 @@ def calibrate(
     study: StudyFile,
     scenario: Annotated[str, typer.Option(help="Scenario that is observed.")],
     median_days: Annotated[
-        float | None, typer.Option(help="Median tamping interval to meet [days].")
+        float | None, typer.Option(help="Median tamping interval to meet (days).")
     ] = None,
     observations: Annotated[
         str | None,

@@ -20,7 +20,9 @@ def factor_for_median(study: Study, scenario: str, days: float, variant: str | N
         raise InputError(f"--median-days is {days:g}; it must be positive and finite")
     from mcsettle.calibration import calibrate
 
-    found = calibrate(study, scenario, days, variant, progress=Progress(), processes=cores())
+    found = calibrate(
+        study, scenario, days, variant=variant, progress=Progress(), processes=cores()
+    )
     typer.echo("\n".join(calibration_lines(found)))
 
 

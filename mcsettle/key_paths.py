@@ -41,7 +41,7 @@ def replaced(data: Any, steps: Steps, value: Any) -> Any:
     """Copy of ``data`` with ``value`` at the end of ``steps``; what is not on the way is shared."""
     if not steps:
         return value
-    copy = dict(data) if isinstance(data, Mapping) else list(data)
+    copy: Any = dict(data) if isinstance(data, Mapping) else list(data)
     copy[steps[0]] = replaced(data[steps[0]], steps[1:], value)
     return copy
 

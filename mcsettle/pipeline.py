@@ -75,7 +75,7 @@ class _Job:
 
 def run_study(
     study: Study,
-    out: Path,
+    out: Path | str,
     realisations: int | None = None,
     seed: int | None = None,
     threads: int | None = None,
@@ -90,7 +90,7 @@ def run_study(
     Parameters
     ----------
     study : Study
-    out : folder of the results
+    out : folder of the results (a path or its text)
     realisations, seed, parameter_sets : replace the study's own
     threads : Taichi threads (None: all cores)
     batch : realisations advanced at a time; changes memory and speed, not results
@@ -106,6 +106,7 @@ def run_study(
     """
     from mcsettle.kernels import runtime
 
+    out = Path(out)
     study = study.with_run(realisations, seed, "every_axle" if exact else None, parameter_sets)
     members = all_sets(study)
     shelf = Shelf.of(study) if study.uncertain else None

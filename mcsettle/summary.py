@@ -61,7 +61,7 @@ class SummaryRow:
         return next(s.estimate for s in self.statistics if s.level == level)
 
 
-def read_results(folder: Path) -> Results:
+def read_results(folder: Path | str) -> Results:
     """Read the tables that a run has left in ``folder``.
 
     Raises
@@ -69,6 +69,7 @@ def read_results(folder: Path) -> Results:
     InputError
         The folder does not exist, or holds no finished run.
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder; 'mcsettle run STUDY --out {folder}' makes one")
     realisations = _table(folder, "realisations")

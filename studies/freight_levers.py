@@ -66,8 +66,9 @@ def levers(long_window: bool) -> Iterator[tuple[str, Callable[[Data], None]]]:
     if long_window:
         yield "window 1000 m (200)", profile(window_m=1000)
     yield "freight axle load 28 t (25)", freight(axle_load_t=28)
-    yield "N before tamping 1 000 000 (100 000)", settlement(
-        ballast_cycles_before=1_000_000, subgrade_cycles_before=1_000_000
+    yield (
+        "N before tamping 1 000 000 (100 000)",
+        settlement(ballast_cycles_before=1_000_000, subgrade_cycles_before=1_000_000),
     )
     yield "N by type, damping 30 kNs/m", both(PER_VEHICLE, DAMPED)
 
@@ -94,7 +95,9 @@ def main() -> None:
     data = tomllib.loads(path.read_text(encoding="utf-8"))
     data["variants"] = [{"name": "calibrated"}]
     del data["reference"], data["calibration"]
-    print("| experiment | C: P5 / P50 / P95 [%] | D: P5 / P50 / P95 [%] | tracks at or above 6.9 % in C |")
+    print(
+        "| experiment | C: P5 / P50 / P95 [%] | D: P5 / P50 / P95 [%] | tracks at or above 6.9 % in C |"
+    )
     print("|---|---|---|---|")
     for name, change in levers(not options.without_long_window):
         own = copy.deepcopy(data)

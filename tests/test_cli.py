@@ -40,7 +40,7 @@ def command(*arguments: str | Path, cwd: Path | None = None) -> subprocess.Compl
 def test_help_names_every_command() -> None:
     done = invoke("--help")
     assert done.exit_code == 0
-    for verb in ("init", "check", "schema", "run", "summarise", "calibrate", "track",
+    for verb in ("init", "check", "schema", "run", "summarise", "calibrate", "tornado", "track",
                  "validate", "doctor"):  # fmt: skip
         assert verb in done.stdout
 
@@ -194,6 +194,7 @@ def test_run_hands_its_options_on(tmp_path: Path, pipeline: SimpleNamespace) -> 
     assert out == tmp_path
     assert options.pop("progress") is not None
     assert options.pop("processes") >= 1
+    assert options.pop("parameter_sets") is None
     assert options == {"realisations": 5, "seed": 3, "threads": 2, "batch": 4, "exact": True}
     assert done.stdout == ""
     assert "look here" in done.stderr
@@ -233,6 +234,103 @@ def test_calibrate_prints_the_factor(monkeypatch: pytest.MonkeyPatch) -> None:
     assert lines[0] == "settlement_factor = 31.25"
     assert tomllib.loads(done.stdout) == {"settlement_factor": 31.25}
     assert "# realisations: 32" in lines
+
+
+def test_calibrate_wants_one_target() -> None:
+    for more in ((), ("--median-days", "9", "--observations", "0:1:1")):
+        done = invoke("calibrate", TOY, "--scenario", "v201", *more)
+        assert done.exit_code == 2
+        assert "either --median-days or --observations" in done.stderr
+    done = invoke("calibrate", TOY, "--scenario", "v201", "--observations", "none.csv")
+    assert done.exit_code == 2
+    assert "cannot be read" in done.stderr
+
+
+def test_a_posterior_is_printed_as_toml_to_paste(monkeypatch: pytest.MonkeyPatch) -> None:
+    from mcsettle import inference
+
+    rows = inference.read_observations("0:1.03:0.05,365:1.2:0.05")
+    found = inference.Posterior(
+        "v201", "base", rows, 21.0, (15.0, 20.0, 27.0), 20.2, 0.18, 7.5, 4.0, 64, 1
+    )
+    monkeypatch.setattr(inference, "infer_factor", lambda *_, **__: found)
+    done = invoke(
+        *("calibrate", TOY, "--scenario", "v201", "--observations", "0:1.03:0.05,365:1.2:0.05")
+    )
+    assert done.exit_code == 0
+    assert done.stderr.count("warning") == 2  # few tracks carry it, and none fits
+    pasted = tomllib.loads(done.stdout)
+    data = tomllib.loads(Path(TOY).read_text(encoding="utf-8"))
+    data["settlement"] |= pasted["settlement"]
+    study = Study.from_mapping(data | {"uncertain": pasted["uncertain"]})
+    assert study.uncertain[0].built().quantile(0.5) == pytest.approx(20.2)
+    assert "2 observed SDs" in study.uncertain[0].source
+
+
+@pytest.mark.parametrize(
+    ("met", "late", "until", "code", "said"),
+    [
+        (True, False, "tamping_interval median 2%", 0, "Target met"),
+        (False, False, "tamping_interval median 2%", 5, "missed at the cap"),
+        (False, True, "tamping_interval median 2%", 5, "Stopped for time"),
+        (False, True, None, 0, "Stopped for time"),
+    ],
+)
+def test_run_until(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    met: bool,
+    late: bool,
+    until: str | None,
+    code: int,
+    said: str,
+) -> None:
+    from mcsettle.cli import batches
+    from mcsettle.pipeline import Finished
+    from mcsettle.stopping import Batch, Stopped
+
+    def run_until(study: Study, out: Path, target: Any, minutes: float, **options: Any) -> Stopped:
+        assert (options["realisations"], minutes) == (500, 3.0)
+        batch = Batch(64, None if target is None else 0.013, "base v201", 1.5)
+        options["tell"](batch)
+        return Stopped(Finished(out, 0, ()), (batch,), met, late)
+
+    monkeypatch.setattr(batches, "run_until", run_until)
+    more = () if until is None else ("--until", until)
+    done = invoke(
+        *("run", TOY, "--out", tmp_path, "--realisations", 500, "--max-minutes", 3, *more)
+    )
+    assert done.exit_code == code
+    assert said in done.stderr
+    assert "64 realisations" in done.stdout
+    assert ("1.30 %" in done.stdout) == (until is not None)
+
+
+def test_run_until_nonsense(tmp_path: Path) -> None:
+    done = invoke("run", TOY, "--out", tmp_path / "out", "--until", "better")
+    assert done.exit_code == 2
+    assert "METRIC STATISTIC PERCENT" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_tornado_prints_bars(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from mcsettle import tornado
+
+    done = invoke("tornado", TOY)
+    assert done.exit_code == 2
+    assert "no [[uncertain]] inputs" in done.stderr
+    entry = '[[uncertain]]\ninput = "limit.sd_limit_mm"\ndistribution = "uniform"\n'
+    path = tmp_path / "study.toml"
+    text = Path(TOY).read_text(encoding="utf-8") + f"\n{entry}low = 1.4\nhigh = 1.6\n"
+    path.write_text(text, encoding="utf-8")
+    bar = tornado.Bar("v201", "tamping_interval_days", "d", "limit.sd_limit_mm", 1.42, 1.58,
+                      600.0, None, 697.0)  # fmt: skip
+    monkeypatch.setattr(tornado, "tornado", lambda *_: [bar])
+    done = invoke("tornado", path)
+    assert done.exit_code == 0
+    for part in ("limit.sd_limit_mm", "1.42", "600", "697", "–"):
+        assert part in done.stdout
+    assert json.loads(invoke("tornado", path, "--json").stdout)[0]["at_high"] is None
 
 
 # --- summarise ------------------------------------------------------------------------------------
@@ -301,6 +399,8 @@ def test_summarise_prints_scenarios_beside_published_values(results: Path) -> No
     assert done.exit_code == 0, done.output
     for part in ("v201", "v225", "tamping_interval_days", "elasticity", "697", "Table 3", "690"):
         assert part in done.stdout
+    for part in ("Mean over a line", "100 km", "pairing gain", "cost at mean"):
+        assert part in done.stdout
     assert done.stderr == ""
 
 
@@ -324,6 +424,8 @@ def test_summarise_json_holds_errors_and_counts(results: Path) -> None:
     # SD growth by the published day: from 1.03 to the middle of 1.40 … 1.49 mm.
     growth = next(s for s in rows["v201", "sd_growth_697d_mm"]["statistics"] if s["level"] == 0.5)
     assert growth["value"] == pytest.approx(1.445 - 1.03, rel=1e-9)
+    spread = {(s["statistic"], s["subject"], s["level"]) for s in base["spread"]}
+    assert ("line_mean", "10 km", 0.5) in spread
     assert rows["v225", "marginal_cost"]["unit"] == "GBP per km/h per 1000 train-km"
     assert {"variant": "base", "scenario": "v225", "status": "censored", "n": 2} in data["counts"]
 

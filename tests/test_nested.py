@@ -66,7 +66,9 @@ def test_an_estimator_that_takes_all_rows_for_independent_does_not_cover():
 
 def test_means_cover_at_their_rate():
     truth = 700.0 * np.exp(0.5 * total_log_sd() ** 2)
-    hits = [covers(nested.crossed_mean(intervals(i), "d", seed=i), truth) for i in range(EXPERIMENTS)]
+    hits = [
+        covers(nested.crossed_mean(intervals(i), "d", seed=i), truth) for i in range(EXPERIMENTS)
+    ]
     # The mean of a skew sample has a percentile interval that is a little short: 40 sets of a
     # lognormal with log SD 0.5 cost about a hundredth.
     assert 0.90 <= np.mean(hits) <= 0.99
@@ -75,7 +77,9 @@ def test_means_cover_at_their_rate():
 def test_censoring_at_a_horizon_does_not_bias():
     """Exponential intervals whose mean differs between sets; two fifths are censored."""
     rng = np.random.default_rng(11)
-    truth = float(np.median(rng.exponential(600.0, 2_000_000) * np.exp(rng.normal(0, 0.3, 2_000_000))))
+    truth = float(
+        np.median(rng.exponential(600.0, 2_000_000) * np.exp(rng.normal(0, 0.3, 2_000_000)))
+    )
     horizon, hits, naive = 700.0, [], []
     for i in range(120):
         own = np.random.default_rng([3, i])
@@ -130,7 +134,7 @@ def test_growth_censored_at_the_limit_is_not_given_where_it_matters():
 def test_the_split_is_unbiased_for_few_sets_and_tracks():
     """Mean over experiments of each variance, against the known ones, in standard errors."""
     parts = np.array(
-        [nested._components(np.log(intervals(i, (8, 6)))) for i in range(2000)]  # noqa: SLF001
+        [nested._components(np.log(intervals(i, (8, 6)))) for i in range(2000)]
     )
     truth = np.array([SPREAD[k] ** 2 for k in ("parameters", "sections", "interaction")])
     error = parts.std(axis=0, ddof=1) / np.sqrt(len(parts))

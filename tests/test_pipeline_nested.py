@@ -46,7 +46,11 @@ SPRING = {
 
 def uncertain(*entries, **changes):
     return toy.study(
-        **{"run": {"realisations": N, "parameter_sets": SETS}, "uncertain": list(entries), **changes}
+        **{
+            "run": {"realisations": N, "parameter_sets": SETS},
+            "uncertain": list(entries),
+            **changes,
+        }
     )
 
 
@@ -215,7 +219,12 @@ def test_the_summary_is_a_table(finished):
     shares = own[own["statistic"] == "variance_share"].set_index("subject")["value"]
     assert shares.sum() == pytest.approx(1.0)
     assert shares["parameters"] > 0.8  # N0 alone moves the days by a factor of five
-    assert set(own[own["statistic"] == "line_mean"]["subject"]) == {"0.2 km", "1 km", "10 km", "100 km"}
+    assert set(own[own["statistic"] == "line_mean"]["subject"]) == {
+        "0.2 km",
+        "1 km",
+        "10 km",
+        "100 km",
+    }
 
 
 def test_pairing_the_same_tracks_gains(finished):

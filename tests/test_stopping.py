@@ -58,7 +58,9 @@ def test_the_worst_scenario_decides():
 def test_it_stops_when_the_target_is_met(study, tmp_path):
     """The toy's days spread by a tenth: 64 tracks know their median to some 2 %."""
     told = []
-    stopped = run_until(study, tmp_path / "a", Target(MEDIAN.metric, "median", 0.05), tell=told.append)
+    stopped = run_until(
+        study, tmp_path / "a", Target(MEDIAN.metric, "median", 0.05), tell=told.append
+    )
     assert (stopped.met, stopped.late) == (True, False)
     assert [b.realisations for b in stopped.batches] == [64]
     assert told == list(stopped.batches)

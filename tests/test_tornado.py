@@ -29,7 +29,9 @@ def test_ends_and_centre(bars):
         b for b in bars if b.input == LOAD["input"] and b.scenario == "v201" and b.unit == "d"
     )
     assert bar.low == pytest.approx(stats.norm(17, 0.85).ppf(0.1))
-    heavy = toy.study(trains={"passenger": {"vehicle": "passenger", "cars": 3, "axle_load_t": bar.high}})
+    heavy = toy.study(
+        trains={"passenger": {"vehicle": "passenger", "cars": 3, "axle_load_t": bar.high}}
+    )
     assert bar.at_high == pytest.approx(np.median(days(heavy)), rel=1e-6)
     assert bar.central == pytest.approx(np.median(days(toy.study())), rel=1e-6)
     assert bar.at_high < bar.central < bar.at_low

@@ -50,7 +50,9 @@ def test_a_study_without_is_what_it_was():
 
 
 def test_it_reads_back_equal():
-    once = study(N0, LOAD, RATE, correlations=[{"inputs": [LOAD["input"], RATE["input"]], "rank": 0.4}])
+    once = study(
+        N0, LOAD, RATE, correlations=[{"inputs": [LOAD["input"], RATE["input"]], "rank": 0.4}]
+    )
     again = Study.from_mapping(tomllib.loads(resolved_toml(once)))
     assert again == once
     assert again.digest == once.digest
@@ -106,7 +108,10 @@ def test_lists_are_reached_by_name_and_place():
 
 def test_a_row_is_an_address():
     """More sets leave the earlier ones, another seed does not, nor do sources or titles."""
-    few, many = study(N0, LOAD, run={"parameter_sets": 5}), study(N0, LOAD, run={"parameter_sets": 50})
+    few, many = (
+        study(N0, LOAD, run={"parameter_sets": 5}),
+        study(N0, LOAD, run={"parameter_sets": 50}),
+    )
     np.testing.assert_array_equal(draws(few), draws(many)[:5])
     assert not np.array_equal(draws(study(N0, LOAD, seed=2))[:5], draws(few))
 
@@ -134,7 +139,10 @@ def test_rank_correlation(rank):
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
-        ({**N0, "input": "settlement.balast_cycles_before"}, "did you mean 'settlement.ballast_cycl"),
+        (
+            {**N0, "input": "settlement.balast_cycles_before"},
+            "did you mean 'settlement.ballast_cycl",
+        ),
         ({**N0, "input": "track.layers.clay.settlement_b"}, "did you mean 'track.layers"),
         ({**N0, "input": "limit.horizon_years"}, "same in every parameter set"),
         ({**N0, "input": "settlement.stress"}, "no number"),
@@ -143,7 +151,12 @@ def test_rank_correlation(rank):
         ({**N0, "distribution": "gauss"}, "accepted|did you mean"),
         ({**N0, "high": None}, "needs high"),
         (
-            {"input": "track.layers.subgrade.poisson", "distribution": "normal", "mean": 0.45, "sd": 0.05},
+            {
+                "input": "track.layers.subgrade.poisson",
+                "distribution": "normal",
+                "mean": 0.45,
+                "sd": 0.05,
+            },
             "less than 0.5.*at_most",
         ),
         (

@@ -171,8 +171,9 @@ def training_set(
 ) -> TrainingSet:
     """Wavenumbers of a band, each with its frequencies ω ∈ [0, max_omega + k max_speed].
 
-    Chebyshev points over the band (geometric from zero in the first one); frequencies uniform, with
-    more around the lines ω = k c of the given wave speeds.
+    Chebyshev points over the band (geometric from zero in the first one); frequencies uniform and, for
+    the slow waves at small k, geometric; more on the lines ω = k v of constant loads up to the highest
+    speed and around the lines ω = k c of the given wave speeds.
     """
     if lower == 0.0:
         k = np.concatenate([[0.0], np.geomspace(upper / 200.0, upper, points - 1)])
@@ -184,7 +185,10 @@ def training_set(
     for wavenumber in k:
         highest = max_omega + wavenumber * max_speed
         lines = np.concatenate([wavenumber * c * spread for c in wave_speeds])
-        omegas = np.concatenate([np.linspace(0.0, highest, frequencies), lines])
+        constant = wavenumber * max_speed * np.linspace(0.25, 1.0, 4)
+        slow = np.geomspace(1e-4 * max_omega, 0.2 * highest, 12)
+        uniform = np.linspace(0.0, highest, frequencies)
+        omegas = np.concatenate([uniform, slow, constant, lines])
         result.append((float(wavenumber), np.unique(omegas[omegas <= highest])))
     return result
 

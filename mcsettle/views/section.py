@@ -63,6 +63,7 @@ def cell_values(view: SectionView, place: np.ndarray, values: np.ndarray) -> np.
     """
     cells = np.full(view.material.shape, np.nan)
     column, row = place
-    shown = (column < cells.shape[0]) & (row < cells.shape[1])
+    columns, rows = view.y.size - 1, view.z.size - 1
+    shown = (column < columns) & (row < rows)
     cells[column[shown], row[shown]] = values[shown]
     return cells
