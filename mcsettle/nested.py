@@ -61,7 +61,7 @@ def crossed_quantile(
     weights = _weights(lowest.shape, seed)
     below = _Pooled(lowest).quantiles(level, weights)
     above = _Pooled(highest).quantiles(level, weights)
-    alpha = 0.5 - 0.5 * CONFIDENCE
+    alpha = _tail(lowest.shape)
     lower = _order(below[1:], alpha)
     upper = _order(above[1:], 1.0 - alpha)
     n = int(np.sum(~np.isnan(lowest)))
@@ -76,7 +76,7 @@ def crossed_quantile(
         return Estimate(None, lower, upper, None, n, n_unknown, unit, note)
     note = f"over {n - n_unknown} uncensored pairs; {note}"
     sides = [abs(end - value) for end in (lower, upper) if end is not None]
-    error = float(np.mean(sides)) / float(stats.norm.ppf(1.0 - alpha)) if sides else None
+    error = float(np.mean(sides)) / float(stats.norm.ppf(0.5 + 0.5 * CONFIDENCE)) if sides else None
     return Estimate(value, lower, upper, error, n, n_unknown, unit, note)
 
 
@@ -86,7 +86,7 @@ def crossed_interval_quantile(
     """Quantile of tamping intervals [E, R] days, censored at one horizon; not reached: None."""
     values = np.where(np.isnan(days) & ~np.isnan(censored_at), np.inf, days)
     sample = _Pooled(values).quantiles(level, _weights(days.shape, seed))
-    alpha = 0.5 - 0.5 * CONFIDENCE
+    alpha = _tail(days.shape)
     n, n_censored = int(np.sum(~np.isnan(values))), int(np.sum(np.isinf(values)))
     lower, upper = _order(sample[1:], alpha), _order(sample[1:], 1.0 - alpha)
     if np.isinf(sample[0]):
@@ -106,7 +106,7 @@ def crossed_mean(values: np.ndarray, unit: str, note: str = "", seed: int = 0) -
     with np.errstate(invalid="ignore", divide="ignore"):
         means = total / count
     drawn = means[1:][np.isfinite(means[1:])]
-    alpha = 0.5 - 0.5 * CONFIDENCE
+    alpha = _tail(values.shape)
     lower, upper = np.quantile(drawn, [alpha, 1.0 - alpha]) if len(drawn) else (None, None)
     error = float(np.std(drawn, ddof=1)) if len(drawn) > 1 else None
     n = int(np.sum(known))
@@ -323,6 +323,18 @@ def _weights(shape: tuple[int, ...], seed: int) -> tuple[np.ndarray, np.ndarray]
         drawn = rng.multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES).astype(float)
         parts.append(np.vstack([np.ones(n), drawn]))
     return parts[0], parts[1]
+
+
+def _tail(shape: tuple[int, ...]) -> float:
+    """Share of the resampled values to leave out on each side, for [E, R].
+
+    A percentile interval is too short for a small sample, as a normal one is that should be
+    Student's; reading it further out mends that (Hesterberg 2015, American Statistician 69).
+    """
+    n = max(2, min((size for size in shape if size > 1), default=2))
+    return float(
+        stats.norm.cdf(stats.t.ppf(0.5 - 0.5 * CONFIDENCE, n - 1) * np.sqrt(n / (n - 1.0)))
+    )
 
 
 def _order(sample: np.ndarray, level: float) -> float | None:

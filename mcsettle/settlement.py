@@ -30,8 +30,8 @@ class SettlementModel:
 
     ``laws``: one per track layer (None: the layer does not settle). ``stress``: "traffic" leaves the
     geostatic part out of σ_d, "total" keeps it. ``cycles``: "shared" counts one N for all vehicles,
-    "per_vehicle" one for each train of the timetable. Cycle counts are axle passages; ``settlement_factor`` multiplies
-    every settlement increment.
+    "per_vehicle" one for each train of the timetable. Cycle counts are axle passages;
+    ``settlement_factor`` multiplies every settlement increment.
     """
 
     laws: tuple[Law | None, ...]

@@ -71,7 +71,10 @@ def levers(long_window: bool) -> Iterator[tuple[str, Callable[[Data], None]]]:
         settlement(ballast_cycles_before=1_000_000, subgrade_cycles_before=1_000_000),
     )
     yield "N by type, damping 30 kNs/m", both(PER_VEHICLE, DAMPED)
-    yield "N by type, damping 100 kNs/m", both(PER_VEHICLE, freight(secondary_damping_ns_per_m=100e3))
+    yield (
+        "N by type, damping 100 kNs/m",
+        both(PER_VEHICLE, freight(secondary_damping_ns_per_m=100e3)),
+    )
     if long_window:
         yield "window 1000 m, damping 30 kNs/m", both(DAMPED, profile(window_m=1000))
         yield (

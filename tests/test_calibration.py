@@ -93,3 +93,37 @@ def test_a_target_above_what_any_factor_reaches_is_refused():
 def test_a_target_outside_the_horizon_is_refused(days):
     with pytest.raises(InputError, match="horizon of 730 days"):
         calibrate(toy.study(), "v201", days)
+
+
+def test_a_target_near_the_horizon_leaves_that_end_open():
+    """Medians beyond the horizon all look alike: a search there would find the horizon."""
+    study = toy.study(run={"realisations": 8})
+    fitted = calibrate(study, "v201", 715.0)
+    assert fitted.median_days == pytest.approx(715.0, rel=1e-4)
+    assert fitted.factor_low is None  # its median would lie some days beyond day 730
+
+
+def test_tracks_that_fail_are_no_censored_tracks(monkeypatch, study, found):
+    """A median over the sound ones: every second track fails, and the factor hardly moves."""
+    plain = Engine.run
+
+    def broken(self, *arguments, **options):
+        outcome = plain(self, *arguments, **options)
+        failed = np.arange(len(outcome.days)) % 2 == 1
+        return replace(
+            outcome,
+            failed=failed,
+            reached=outcome.reached & ~failed,
+            days=np.where(failed, np.nan, outcome.days),
+        )
+
+    monkeypatch.setattr(Engine, "run", broken)
+    fitted = calibrate(study, "v201", TARGET)
+    assert fitted.median_days == pytest.approx(TARGET, rel=1e-4)
+    assert fitted.factor == pytest.approx(found.factor, rel=0.3)
+    assert 0 < fitted.uncalibrated_growth_mm < 0.1
+
+
+def test_a_refusal_gives_the_reach():
+    with pytest.raises(InputError, match=r"they reach from .* to the horizon of 730 days"):
+        calibrate(toy.study(), "v201", 2e-3)

@@ -133,15 +133,15 @@ def test_growth_censored_at_the_limit_is_not_given_where_it_matters():
 
 def test_the_split_is_unbiased_for_few_sets_and_tracks():
     """Mean over experiments of each variance, against the known ones, in standard errors."""
-    parts = np.array(
-        [nested._components(np.log(intervals(i, (8, 6)))) for i in range(2000)]
-    )
-    truth = np.array([SPREAD[k] ** 2 for k in ("parameters", "sections", "interaction")])
+    mixed = {"parameters": 0.3, "sections": 0.4, "interaction": 0.6}
+    logs = [np.log(intervals(i, (8, 6), mixed)) for i in range(2000)]
+    parts = np.array([nested._components(own) for own in logs])
+    truth = np.array([0.3**2, 0.4**2, 0.6**2])
     error = parts.std(axis=0, ddof=1) / np.sqrt(len(parts))
     np.testing.assert_array_less(np.abs(parts.mean(axis=0) - truth), 4 * error)
     # The plain variance of the sets' means takes a share of the interaction for the parameters'.
-    plain = np.array([np.log(intervals(i, (8, 6))).mean(axis=1).var(ddof=1) for i in range(2000)])
-    assert plain.mean() - truth[0] > -4 * plain.std() / np.sqrt(2000)
+    plain = np.array([own.mean(axis=1).var(ddof=1) for own in logs])
+    assert plain.mean() - truth[0] > 0.9 * truth[2] / 6
 
 
 def test_the_errors_of_the_split_are_those_of_repeated_experiments():

@@ -11,6 +11,7 @@ from mcsettle.engine import Engine
 from mcsettle.errors import InputError
 from mcsettle.interaction import precompute
 from mcsettle.pipeline import build_case, initial_profiles, run_study
+from mcsettle.scene import step_b_key
 from mcsettle.step_a import Shelf, study_wavenumbers, track_response
 from mcsettle.summary import read_results, summary_rows
 
@@ -269,3 +270,23 @@ def test_step_a_in_the_sets_of_a_section_track_is_not_scaled_when_the_soil_softe
     table_ = study.track_table.model_copy(update={"soil": "equivalent_linear"})
     assert Shelf.of(study.model_copy(update={"track_table": table_})).axle_loads == {}
     assert Shelf.of(study).axle_loads == {"passenger": 17e3}
+
+
+@pytest.mark.parametrize(
+    ("change", "same"),
+    [
+        ({"limit": {"sd_limit_mm": 1.4}}, False),
+        ({"profile": {"sd_mm": 1.0}}, False),
+        ({"settlement": {"ballast_cycles_before": 2e5}}, False),
+        ({"track": {"layers": {"ballast": {"ballast_coefficient_per_mpa2": 0.4}}}}, False),
+        ({"trains": {"passenger": {"vehicle": "passenger", "cars": 3, "axle_load_t": 16}}}, False),
+        ({"seed": 2}, False),
+        ({"run": {"stepping": "every_train"}}, False),
+        ({"economics": {"discount_rate": 0.05}}, True),
+        ({"title": "another"}, True),
+    ],
+    ids=str,
+)
+def test_what_shares_the_rows_of_step_b(change, same):
+    keys = [step_b_key(s, "base", "v201") for s in (toy.study(), toy.study(**change))]
+    assert (keys[0] == keys[1]) == same
