@@ -4,19 +4,22 @@ Realisations that have reached the limit are taken out and the others moved toge
 empties a tile: tracks differ by a factor of four in how long they last, and idle lanes cost as much as
 busy ones. A lane's result does not depend on its place, so moving changes nothing.
 
-Depends on: spectral kernels.
+Depends on: pointwise and spectral kernels.
 """
+
+from typing import Any
 
 import numpy as np
 import taichi as ti
 
+from mcsettle.kernels import pointwise
 from mcsettle.kernels.spectral import CAPACITY, LANES, N_TILES, Tables, burst, workspace
 
 LAUNCH = 1e10  # floating-point operations in one launch: some tenths of a second on two cores
 
 
 class March:
-    """Up to CAPACITY realisations [R], of which the active ones occupy lanes."""
+    """Up to CAPACITY realisations [R], of which the active ones occupy lanes; spectral growth."""
 
     def __init__(
         self, amplitudes: np.ndarray, power_limit: float, tables: Tables, n_groups: int
@@ -25,7 +28,7 @@ class March:
         if n_real > CAPACITY:
             raise ValueError(f"{n_real} realisations; at most {CAPACITY} in one batch")
         self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
-        self.fields = workspace(n_modes, n_groups)
+        self.fields = self._workspace(n_modes)
         self._u = np.array(amplitudes, dtype=complex)
         self._active = np.sum(np.abs(amplitudes) ** 2, axis=1) < power_limit
         self._uniform = np.zeros(n_real)
@@ -37,26 +40,29 @@ class March:
         """Tiles in use."""
         return -(-len(self._rows) // LANES)
 
-    def advance(
-        self,
-        load: np.ndarray,
-        weights: np.ndarray,
-        form: np.ndarray,
-        constant: np.ndarray,
-        mean: np.ndarray,
-    ) -> None:
-        """Apply the updates ``load`` [N] with ``weights`` [N, G] to every active realisation."""
-        w = self.fields
+    def advance(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
+        """Apply the updates ``load`` [N] with ``weights`` [N, G] to every active realisation.
+
+        ``coefficients``: what the updates apply, as the kernel takes it (spectral: form, constant and
+        mean of ``burst``; pointwise: none, they are the march's tables).
+        """
         self._check_owner()
-        burst(
-            load, weights, form, constant, mean, *self.tables, self.power_limit,
-            self.n_tiles, self.n_groups, w.u, w.du, w.active, w.power, w.uniform, w.passages,
-        )  # fmt: skip
-        self._active[self._rows] = self._lanes(w.active) > 0.5
+        self._launch(load, weights, *coefficients)
+        self._active[self._rows] = self._lanes(self.fields.active) > 0.5
         busy = int(self._active.sum())
         if busy <= (self.n_tiles - 1) * LANES:
             self._store()
             self._load(np.flatnonzero(self._active))
+
+    def _workspace(self, n_modes: int) -> Any:
+        return workspace(n_modes, self.n_groups)
+
+    def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
+        w = self.fields
+        burst(
+            load, weights, *coefficients, *self.tables, self.power_limit,
+            self.n_tiles, self.n_groups, w.u, w.du, w.active, w.power, w.uniform, w.passages,
+        )  # fmt: skip
 
     def burst_size(self) -> int:
         """Updates per launch, so that progress and Ctrl-C work."""
@@ -90,8 +96,10 @@ class March:
         """Put the realisations ``rows`` into lanes, in order."""
         self._rows, w = rows, self.fields
         w.owner[:] = [self]
-        u = self._u[rows]
-        w.u.from_numpy(_tiled(np.stack([u.real, u.imag], axis=-1)))
+        n_modes, u = self._u.shape[1], self._u[rows]
+        room = np.zeros((len(rows), w.u.shape[1], 2))  # the field may hold more modes
+        room[:, :n_modes, 0], room[:, :n_modes, 1] = u.real, u.imag
+        w.u.from_numpy(_tiled(room))
         w.active.from_numpy(_tiled(self._active[rows].astype(float)))
         w.uniform.from_numpy(_tiled(self._uniform[rows]))
         w.passages.from_numpy(_tiled(self._updates[rows]))
@@ -100,7 +108,8 @@ class March:
         """Bring the lanes' state back to their realisations."""
         rows, w = self._rows, self.fields
         self._check_owner()
-        values = np.moveaxis(w.u.to_numpy(), -1, 1).reshape(CAPACITY, -1, 2)[: len(rows)]
+        values = np.moveaxis(w.u.to_numpy(), -1, 1).reshape(CAPACITY, -1, 2)
+        values = values[: len(rows), : self._u.shape[1]]
         self._u[rows] = np.ascontiguousarray(values).view(complex)[..., 0]
         self._uniform[rows] = self._lanes(w.uniform)
         self._updates[rows] = self._lanes(w.passages)
@@ -111,6 +120,29 @@ class March:
 
     def _lanes(self, field: ti.Field) -> np.ndarray:
         return field.to_numpy().reshape(-1)[: len(self._rows)]
+
+
+class PointwiseMarch(March):
+    """The same with growth at every x and depth; ``tables`` are those of the pointwise kernel."""
+
+    def burst_size(self) -> int:
+        """Updates per launch, so that progress and Ctrl-C work."""
+        start, kind, wave = self.tables[0], self.tables[1], self.tables[6]
+        transforms = len(kind) / (len(start) - 1)
+        return max(16, int(LAUNCH / (max(self.n_tiles, 1) * LANES * 40 * transforms * len(wave))))
+
+    def _workspace(self, n_modes: int) -> Any:
+        w = pointwise.workspace(n_modes, len(self.tables[6]), self.n_groups)
+        w.own.fill(1.0)
+        return w
+
+    def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
+        w = self.fields
+        pointwise.burst(
+            load, weights, *self.tables, 0, self.power_limit, self.n_tiles, self.n_groups,
+            w.u, w.du, w.own, w.active, w.power, w.uniform, w.passages,
+            w.weight, w.z, w.q2, w.settled,
+        )  # fmt: skip
 
 
 def _tiled(rows: np.ndarray) -> np.ndarray:

@@ -1,10 +1,12 @@
-"""Settlement at every x and depth under one axle (twin of mcsettle.passage): the reference kernel.
+"""Settlement at every x and depth under axle passages (twin of mcsettle.passage): the reference kernel.
 
-Any settlement law and exponent; nothing is expanded. The deviator has three components per depth
-(mcsettle.stress.DEVIATOR), synthesised on the grid from the profile's modes. Layout as in the spectral
-kernels, with fewer lanes because each carries a whole window.
+Any settlement law and exponent; nothing is expanded. Stress fields are synthesised on the grid from the
+profile's modes, two real fields in one complex transform, and what a passage settles is transformed
+back (mcsettle.kernels.fourier). State, lanes and tiles as in the spectral kernels. The arrays over x
+belong to workers, each of which takes every WORKERS-th tile, so that they stay in its cache: 10 kB a
+point, 2.6 MB each on a window of 200 m and 32 MB on one of 2 km.
 
-Depends on: laws, taichi.
+Depends on: fourier, passes, spectral, taichi.
 """
 
 import functools
@@ -13,123 +15,191 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
-from mcsettle.kernels.laws import strain_power
+from mcsettle.kernels.fourier import forwards, pass_back
+from mcsettle.kernels.passes import (
+    add_linear,
+    add_power,
+    add_squares,
+    begin_power,
+    clear,
+    collect,
+    first_pass,
+    update,
+)
+from mcsettle.kernels.spectral import CAPACITY, LANES, N_TILES
 
-LANES = 8
-N_TILES = 64
-CAPACITY = LANES * N_TILES
+WORKERS = 16
+SQUARES, BEGIN = 0, 1  # what becomes of a transform's fields; else they finish what another began
 
 
 @dataclass(frozen=True)
 class Workspace:
-    """Fields for CAPACITY realisations of one band and grid."""
+    """Fields of one band and grid, allocated once and reused for every batch (as spectral's)."""
 
-    v_re: ti.Field
-    v_im: ti.Field
+    u: ti.Field
+    du: ti.Field
+    own: ti.Field
+    active: ti.Field
+    power: ti.Field
+    uniform: ti.Field
+    passages: ti.Field
+    weight: ti.Field
+    z: ti.Field
     q2: ti.Field
-    settlement: ti.Field
+    settled: ti.Field
+    owner: list[object]
+
+
+def workspace(n_modes: int, n_points: int, n_groups: int) -> Workspace:
+    """Room for such a band and grid, rounded up: another shape compiles the kernels again."""
+    rows = max(256, 1 << (n_points - 1).bit_length())
+    return _allocated(-(-n_modes // 64) * 64, rows, max(4, n_groups))
 
 
 @functools.cache
-def workspace(n_modes: int, n_points: int) -> Workspace:
-    """Allocate (once per shape) the scratch of the pointwise kernel."""
-    v = [ti.field(ti.f64, shape=(N_TILES, n_modes, LANES)) for _ in range(2)]
-    x = [ti.field(ti.f64, shape=(N_TILES, n_points, LANES)) for _ in range(2)]
-    return Workspace(*v, *x)
+def _allocated(n_modes: int, n_points: int, n_groups: int) -> Workspace:
+    state = [ti.field(ti.f64, shape=(N_TILES, n_modes, 2, LANES)) for _ in range(2)]
+    own = ti.field(ti.f64, shape=(N_TILES, n_groups, LANES))
+    lanes = [ti.field(ti.f64, shape=(N_TILES, LANES)) for _ in range(3)]
+    passages = ti.field(ti.i64, shape=(N_TILES, LANES))
+    weight = ti.field(ti.f64, shape=(WORKERS, n_groups, LANES))
+    z = ti.field(ti.f64, shape=(WORKERS, n_points, 2, LANES))
+    q2 = ti.field(ti.f64, shape=(WORKERS, 2, n_points, LANES))
+    settled = ti.field(ti.f64, shape=(WORKERS, n_points, LANES))
+    return Workspace(*state, own, *lanes, passages, weight, z, q2, settled, [])
 
 
 @ti.kernel
-def settle(
-    u: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, K, 2] amplitudes, m
-    w: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [R, G] growth of the cycle functions
-    response: ti.types.ndarray(dtype=ti.f64, ndim=4),  # [Z, 3, K, 2] deviator, Pa/m
-    mean: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [Z, 3] deviator of the mean state, Pa
-    coefficient: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [Z] strain scale × thickness
-    exponent: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [Z]
-    group: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [Z]
-    waves: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [X, K, 2] cos kx, sin kx
+def burst(
+    axle: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] axle of each passage, in order
+    growth: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [N, G] growth of the cycle functions
+    start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [J + 1] first transform of each axle
+    kind: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [T, 3] kind, groups of the two fields
+    law: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [T, 5] mean deviators, coefficients, exponent
+    response: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [T, K, 4] factors of U_k and U*_k
+    linear: ti.types.ndarray(dtype=ti.f64, ndim=4),  # [J, G, K, 2]
+    constant: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [J, G]
+    wave: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [X, 2] cos, sin of 2π x / X
+    radix: ti.types.ndarray(dtype=ti.i32, ndim=1),  # radices between the first and the last
+    band: ti.types.ndarray(dtype=ti.i32, ndim=1),  # first mode; butterflies of two modes: from, to
+    frozen: ti.i32,  # 1: profiles stay as they are, their growth adds up in ``d``
+    power_limit: ti.f64,  # 2 sd_limit²
     n_tiles: ti.i32,
-    n_real: ti.i32,
-    v_re: ti.template(),
-    v_im: ti.template(),
+    n_groups: ti.i32,
+    u: ti.template(),
+    d: ti.template(),
+    own: ti.template(),  # growth of the cycle functions of each realisation, a factor
+    active: ti.template(),
+    power: ti.template(),
+    uniform: ti.template(),
+    passages: ti.template(),
+    weight: ti.template(),
+    z: ti.template(),
     q2: ti.template(),
-    settlement: ti.template(),
-    growth: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, K, 2] added to
-    uniform: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [R] added to
+    settled: ti.template(),
 ):
-    """Add the growth of the amplitudes and the uniform settlement of one axle passage."""
-    n_points = waves.shape[0]
-    n_modes = waves.shape[1]
-    n_depths = mean.shape[0]
-    for t in range(n_tiles):
-        first = t * LANES
-        for x in range(n_points):
-            for lane in range(LANES):
-                settlement[t, x, lane] = 0.0
-        for z in range(n_depths):
-            for x in range(n_points):
-                for lane in range(LANES):
-                    q2[t, x, lane] = 0.0
-            for d in range(3):
-                for k in range(n_modes):
-                    a = response[z, d, k, 0]
-                    b = response[z, d, k, 1]
+    """Advance every active realisation by the given passages, or collect its growth under them."""
+    for worker in range(WORKERS):
+        p = worker & (WORKERS - 1)
+        z[p, 0, 0, 0] = u[0, 0, 0, 0]  # see the spectral module's note on vectorisation
+        for turn in range((n_tiles - p + WORKERS - 1) // WORKERS):
+            t = (p + turn * WORKERS) & (N_TILES - 1)
+            for step in range(axle.shape[0]):
+                j = axle[step]
+                if frozen == 0 or step == 0:
+                    clear(p, t, wave.shape[0], response.shape[1], d, settled)
+                for g in range(n_groups):
+                    w = growth[step, g]
+                    c = constant[j, g]
                     for lane in range(LANES):
-                        r = ti.min(first + lane, n_real - 1)
-                        v_re[t, k, lane] = a * u[r, k, 0] - b * u[r, k, 1]
-                        v_im[t, k, lane] = a * u[r, k, 1] + b * u[r, k, 0]
-                p0 = mean[z, d]
-                for x in range(n_points):
-                    s = ti.Vector.zero(ti.f64, LANES)
-                    for k in range(n_modes):
-                        c = waves[x, k, 0]
-                        n = waves[x, k, 1]
-                        for lane in ti.static(range(LANES)):
-                            s[lane] = s[lane] + (c * v_re[t, k, lane] - n * v_im[t, k, lane])
-                    for lane in ti.static(range(LANES)):
-                        q2[t, x, lane] = q2[t, x, lane] + (p0 + s[lane]) * (p0 + s[lane])
-            g = group[z]
-            for x in range(n_points):
-                for lane in range(LANES):
-                    weight = coefficient[z] * w[ti.min(first + lane, n_real - 1), g]
-                    value = strain_power(q2[t, x, lane], exponent[z])
-                    settlement[t, x, lane] = settlement[t, x, lane] + weight * value
+                        own_weight = w * own[t, g, lane]
+                        weight[p, g, lane] = own_weight
+                        uniform[t, lane] = uniform[t, lane] + active[t, lane] * (own_weight * c)
+                add_linear(p, t, j, linear, u, d, weight)
+                for c in range(start[j], start[j + 1]):
+                    first_pass(p, t, c, response, wave, band, u, z)
+                    points = wave.shape[0] // 4  # in a block
+                    for stage in range(radix.shape[0] - 1):
+                        r = radix[stage]
+                        for b in range(wave.shape[0] // points):
+                            pass_back(z, p, b * points, points // r, r, wave)
+                        points = points // r
+                    for b in range(wave.shape[0] // points):  # the last two passes, in cache
+                        if points > 4:
+                            pass_back(z, p, b * points, 4, points // 4, wave)
+                        if kind[c, 0] == SQUARES:
+                            add_squares(p, c, b * points, points, kind, weight, z, settled)
+                        elif kind[c, 0] == BEGIN:
+                            begin_power(p, c, b * points, points, kind, law, z, q2)
+                        else:
+                            add_power(p, c, b * points, points, kind, law, weight, z, q2, settled)
+                if frozen == 0 or step == axle.shape[0] - 1:
+                    forwards(settled, p, wave, radix)
+                    collect(p, t, response.shape[1], wave, band, settled, active, uniform, d)
+                if frozen == 0:
+                    update(t, response.shape[1], power_limit, u, d, active, power, passages)
+
+
+@ti.kernel
+def fill(
+    amplitudes: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, K, 2]
+    weights: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [R, G]
+    n_tiles: ti.i32,
+    u: ti.template(),
+    own: ti.template(),
+    active: ti.template(),
+    uniform: ti.template(),
+):
+    """Put realisations into lanes; those left over repeat the last."""
+    for t in range(n_tiles):
         for lane in range(LANES):
-            r = first + lane
-            if r < n_real:
-                total = 0.0
-                for x in range(n_points):
-                    total = total + settlement[t, x, lane]
-                uniform[r] = uniform[r] + total / n_points
-                for k in range(n_modes):
-                    a = 0.0
-                    b = 0.0
-                    for x in range(n_points):
-                        a = a + settlement[t, x, lane] * waves[x, k, 0]
-                        b = b - settlement[t, x, lane] * waves[x, k, 1]
-                    growth[r, k, 0] = growth[r, k, 0] + 2.0 * a / n_points
-                    growth[r, k, 1] = growth[r, k, 1] + 2.0 * b / n_points
+            r = ti.min(t * LANES + lane, amplitudes.shape[0] - 1)
+            active[t, lane] = 1.0
+            uniform[t, lane] = 0.0
+            for g in range(weights.shape[1]):
+                own[t, g, lane] = weights[r, g]
+            for k in range(amplitudes.shape[1]):
+                u[t, k, 0, lane] = amplitudes[r, k, 0]
+                u[t, k, 1, lane] = amplitudes[r, k, 1]
 
 
-def add_passage(
+@ti.kernel
+def fetch(
+    d: ti.template(),
+    uniform: ti.template(),
+    change: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, K, 2], written
+    total: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [R], written
+):
+    """Take growth and uniform settlement out of the lanes."""
+    for r in range(change.shape[0]):
+        t = r // LANES
+        lane = r % LANES
+        total[r] = uniform[t, lane]
+        for k in range(change.shape[1]):
+            change[r, k, 0] = d[t, k, 0, lane]
+            change[r, k, 1] = d[t, k, 1, lane]
+
+
+def evaluate(
     u: np.ndarray,  # [R, K, 2]
     weights: np.ndarray,  # [R, G]
-    response: np.ndarray,  # [Z, 3, K, 2]
-    mean: np.ndarray,  # [Z, 3]
-    coefficient: np.ndarray,  # [Z]
-    exponent: np.ndarray,  # [Z]
-    group: np.ndarray,  # [Z]
-    waves: np.ndarray,  # [X, K, 2]
-    growth: np.ndarray,  # [R, K, 2], added to
-    uniform: np.ndarray,  # [R], added to
+    axles: np.ndarray,  # [N]
+    tables: tuple[np.ndarray, ...],  # ``start`` to ``band`` of ``burst``
+    change: np.ndarray,  # [R, K, 2], written
+    uniform: np.ndarray,  # [R], written
 ) -> None:
-    """Run ``settle`` on any number of realisations, CAPACITY at a time."""
-    f = workspace(u.shape[1], len(waves))
+    """Growth under ``axles`` at frozen profiles, any number of realisations."""
+    n_groups = weights.shape[1]
+    w = workspace(u.shape[1], len(tables[6]), n_groups)
+    w.owner[:] = ["evaluate"]
+    ones = np.ones((len(axles), n_groups))
     for first in range(0, len(u), CAPACITY):
         part = slice(first, min(first + CAPACITY, len(u)))
-        n_real = part.stop - part.start
-        settle(
-            u[part], weights[part], response, mean, coefficient, exponent, group, waves,
-            -(-n_real // LANES), n_real, f.v_re, f.v_im, f.q2, f.settlement,
-            growth[part], uniform[part],
+        n_tiles = -(-(part.stop - first) // LANES)
+        fill(u[part], weights[part], n_tiles, w.u, w.own, w.active, w.uniform)
+        burst(
+            axles, ones, *tables, 1, 0.0, n_tiles, n_groups,
+            w.u, w.du, w.own, w.active, w.power, w.uniform, w.passages,
+            w.weight, w.z, w.q2, w.settled,
         )  # fmt: skip
+        fetch(w.du, w.uniform, change[part], uniform[part])

@@ -3,7 +3,7 @@
 Three steppings of one right-hand side: "every_axle" updates the profile after each axle passage, in
 timetable order; "every_train" freezes it over each train; "cycle_jump" integrates over many days at
 once. Two right-hand sides of one meaning: "spectral", the second-order form (exact where m = 2), and
-"pointwise", every x and depth (cycle jump only; slow, for checking).
+"pointwise", every x and depth (not with "every_train"; slower, for checking).
 
 Depends on: case, clock, jump, march, passage, pointwise, roughness, spectral, mcsettle.kernels.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from mcsettle.case import Case, Outcome
 from mcsettle.clock import daily_weights
 from mcsettle.jump import Growth, cycle_jump, exact_growth, spectral_growth
-from mcsettle.march import Loads, day_loads, march
+from mcsettle.march import Loads, PointwiseLoads, day_loads, march, pointwise_day_loads
 from mcsettle.passage import mode_numbers
 from mcsettle.pointwise import pointwise_growth, pointwise_load
 from mcsettle.roughness import roughness
@@ -63,15 +63,21 @@ class Engine:
         self.case, self.tolerance = case, tolerance
         self.measure = roughness(wavenumbers, case.window)
         self.law: Growth | None = None
-        self.loads: Loads | None = None
+        self.loads: Loads | PointwiseLoads | None = None
         if stepping == "cycle_jump":
             exact = right_hand_side == "pointwise"
             self.law = exact_growth(case) if exact else spectral_growth(case, pairs)
-        elif self.measure.basis is not None or right_hand_side != "spectral":
+        elif self.measure.basis is not None:
             raise ValueError(
-                "updating passage by passage takes the spectral right-hand side and a window below "
-                "400 m; use stepping 'cycle_jump'"
+                "updating passage by passage takes a window below 400 m; use stepping 'cycle_jump'"
             )
+        elif right_hand_side == "pointwise":
+            if stepping != "every_axle":
+                raise ValueError(
+                    "updating train by train takes the spectral right-hand side; "
+                    "use stepping 'every_axle' or 'cycle_jump'"
+                )
+            self.loads = pointwise_day_loads(case)
         else:
             self.loads = day_loads(case, pairs, by_train=stepping == "every_train")
 

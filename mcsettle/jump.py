@@ -121,7 +121,7 @@ def exact_growth(case: Case) -> Growth:
         change, uniform = np.zeros_like(amplitudes), np.zeros(len(amplitudes))
         for s, load in enumerate(loads):
             own = weights[:, s * n_groups : (s + 1) * n_groups]
-            parts = pointwise_growth(load, np.arange(len(load.response)), amplitudes, own)
+            parts = pointwise_growth(load, np.arange(load.n_axles), amplitudes, own)
             change, uniform = change + parts[0], uniform + parts[1]
         return change, uniform
 

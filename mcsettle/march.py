@@ -1,6 +1,6 @@
 """March through the timetable: one update per axle passage, or one per train.
 
-Depends on: case, clock, roughness, spectral, mcsettle.kernels.
+Depends on: case, clock, pointwise, roughness, spectral, mcsettle.kernels.
 """
 
 from collections.abc import Callable
@@ -11,6 +11,8 @@ import numpy as np
 
 from mcsettle.case import Case, Outcome
 from mcsettle.clock import DayPlan, day_plan, update_weights
+from mcsettle.pointwise import PointwiseLoad, joined, pointwise_load
+from mcsettle.pointwise import tables as pointwise_tables
 from mcsettle.roughness import Roughness
 from mcsettle.spectral import ModePairs, SettlementForm, axle_form, tables, train_form
 
@@ -31,6 +33,33 @@ class Loads:
     constant: np.ndarray
     mean: np.ndarray
 
+    def begin(self, amplitudes: np.ndarray, power_limit: float) -> "March":
+        """Realisations [R, K] ready to march."""
+        from mcsettle.kernels.march import March
+
+        return March(amplitudes, power_limit, tables(self.pairs), self.constant.shape[1])
+
+    @property
+    def coefficients(self) -> tuple[np.ndarray, ...]:
+        """What ``March.advance`` takes beside the updates."""
+        return self.form, self.constant, self.mean
+
+
+@dataclass(frozen=True)
+class PointwiseLoads:
+    """The axles of one day, at every x and depth."""
+
+    plan: DayPlan
+    load: PointwiseLoad
+    coefficients: tuple[np.ndarray, ...] = ()
+
+    def begin(self, amplitudes: np.ndarray, power_limit: float) -> "March":
+        """Realisations [R, K] ready to march."""
+        from mcsettle.kernels.march import PointwiseMarch
+
+        n_groups = self.load.constant.shape[1]
+        return PointwiseMarch(amplitudes, power_limit, pointwise_tables(self.load), n_groups)
+
 
 def day_loads(case: Case, pairs: ModePairs, by_train: bool) -> Loads:
     """Fold the coefficients of every axle of every service, or of every train."""
@@ -39,20 +68,23 @@ def day_loads(case: Case, pairs: ModePairs, by_train: bool) -> Loads:
     return Loads(day_plan(case, by_train), pairs, *(np.stack(part) for part in parts))
 
 
+def pointwise_day_loads(case: Case) -> PointwiseLoads:
+    """Lay out every axle of every service for the pointwise kernel."""
+    loads = [pointwise_load(transfer, case.model, case.window) for transfer in case.transfers]
+    return PointwiseLoads(day_plan(case, by_train=False), joined(loads))
+
+
 def march(
     case: Case,
     amplitudes: np.ndarray,
     sample_days: np.ndarray,
-    loads: Loads,
+    loads: Loads | PointwiseLoads,
     measure: Roughness,
     tick: Callable[[float], None] | None = None,
 ) -> Outcome:
     """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``)."""
-    from mcsettle.kernels.march import March
-
     plan = loads.plan
-    n_groups = loads.constant.shape[1]
-    state = March(amplitudes, 2.0 * case.sd_limit**2, tables(loads.pairs), n_groups)
+    state = loads.begin(amplitudes, 2.0 * case.sd_limit**2)
     history = np.full((len(amplitudes), len(sample_days)), np.nan)
     last = int(np.floor(case.horizon * len(plan.load)))
     sample_at = np.rint(sample_days * len(plan.load)).astype(np.int64)
@@ -61,7 +93,7 @@ def march(
         while done < stop and state.any_active():
             count = int(min(stop - done, state.burst_size()))
             updates = update_weights(case, plan, done, count)
-            state.advance(*updates, loads.form, loads.constant, loads.mean)
+            state.advance(*updates, *loads.coefficients)
             done += count
             if tick is not None:
                 tick(done / len(plan.load))

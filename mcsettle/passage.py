@@ -14,7 +14,6 @@ Depends on: settlement, stress, transfer.
 """
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from mcsettle.settlement import SettlementModel, strain_increment
 from mcsettle.stress import deviatoric_stress, mean_state
@@ -22,8 +21,13 @@ from mcsettle.transfer import TransferFunctions
 
 
 def grid_size(highest_mode: int) -> int:
-    """Points on the window so that products of two modes, and a little more, do not alias."""
-    return int(next_fast_len(max(16, int(np.ceil(3.8 * highest_mode)))))
+    """Points on the window so that products of two modes, and a little more, do not alias.
+
+    Of the form 16 · 2^a · 3^b, which the fast kernel transforms.
+    """
+    least = max(16.0, 3.8 * highest_mode)
+    sizes = [16 * 2**a * 3**b for a in range(24) for b in range(16)]
+    return min(size for size in sizes if size >= least)
 
 
 def mode_numbers(wavenumbers: np.ndarray, window: float) -> np.ndarray:

@@ -7,6 +7,7 @@ Depends on: beam, errors, fem25d, interaction, irregularity, soil, study, track,
 """
 
 import hashlib
+import math
 import multiprocessing
 import os
 from collections.abc import Callable
@@ -29,7 +30,7 @@ from mcsettle.transfer import TrackResponse, TransferFunctions
 from mcsettle.transfer_file import load, save
 
 if TYPE_CHECKING:
-    from mcsettle.fem25d import SofteningHistory
+    from mcsettle.fem25d import Settings, SofteningHistory
 
 Progress = Callable[[str, int, int], None]
 
@@ -123,6 +124,7 @@ def track_response(
     progress: Progress | None = None,
     workers: int = 1,
     softened: "Softened | None" = None,
+    settings: "Settings | None" = None,
 ) -> TrackResponse:
     """Step A's track model for ``track``, stresses down to ``integration_depth`` [m] below z = 0.
 
@@ -145,6 +147,7 @@ def track_response(
             softened.train,
             softened.speed,
             integration_depth,
+            settings,
             softening=softened.settings,
             cache=cache_folder(),
             progress=_reversed(progress),
@@ -153,9 +156,34 @@ def track_response(
     return section_response(
         track,
         integration_depth,
+        settings,
         cache=cache_folder(),
         progress=_reversed(progress),
         workers=workers,
+    )
+
+
+def section_settings(study: Study) -> "Settings | None":
+    """Step A's settings where a study leaves the range of the default ones, else None.
+
+    The bases are then grown for the study's highest speed and driving frequency, rounded up. Shear waves
+    near the mesh's resolution make such a range a little less accurate.
+    """
+    from mcsettle.fem25d.settings import Settings
+
+    usual = Settings()
+    speeds = [
+        service.speed
+        for scenario in study.scenario_names
+        for service in study.timetable(scenario).services
+    ]
+    speed = max(speeds)
+    omega = speed * float(study_wavenumbers(study).max())
+    if speed <= usual.max_speed and omega <= usual.max_omega:
+        return None
+    return Settings(
+        max_speed=max(usual.max_speed, 25.0 * math.ceil(speed / 25.0)),
+        max_omega=max(usual.max_omega, 40.0 * math.ceil(omega / 40.0)),
     )
 
 
@@ -205,6 +233,7 @@ def step_a(
     share, shelf = shelf is not None, shelf or Shelf()
     modes = study_wavenumbers(study)
     responses, found = shelf.responses, shelf.found
+    settings = section_settings(study)
     if workers > 1:
         _soften_ahead(study, shelf, modes, progress, workers)
     transfers, used = {}, set[Any]()
@@ -220,7 +249,9 @@ def step_a(
                 key = (*ground, Service(service.train, service.speed, 1))
                 if key not in found:
                     if ground not in responses:
-                        responses[ground] = track_response(*ground[:2], progress, workers, softened)
+                        responses[ground] = track_response(
+                            *ground[:2], progress, workers, softened, settings
+                        )
                     found[key] = _transfer(
                         responses[ground], service, modes, progress, shelf.axle_loads
                     )

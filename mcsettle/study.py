@@ -345,6 +345,7 @@ def _parts(study: Study) -> Parts:
         limit=study.limit,
         economics=study.economics,
         calibration=study.calibration,
+        run=study.run,
         trains=study.train_tables,
         train_names=tuple(study.train_tables),
         scenario_names=study.scenario_names,

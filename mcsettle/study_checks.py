@@ -19,6 +19,7 @@ from mcsettle.study_schema import (
     LimitTable,
     ProfileTable,
     ReferenceTable,
+    RunTable,
     ScenarioTable,
     TrackTable,
     TrainTable,
@@ -29,6 +30,7 @@ from mcsettle.units import KMH, MGT, TONNE
 from mcsettle.vehicle import VEHICLES
 
 NEAR_CRITICAL = 0.8
+LONG_WINDOW = 400.0  # m, from which the SD is that of a section of the window
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class Parts:
     limit: LimitTable | None = None
     economics: EconomicsTable | None = None
     calibration: CalibrationTable | None = None
+    run: RunTable | None = None
     trains: Mapping[str, TrainTable] = field(default_factory=dict)
     train_names: tuple[str, ...] = ()
     scenario_names: tuple[str, ...] = ()
@@ -51,7 +54,7 @@ class Parts:
 
 def faults_between(parts: Parts) -> list[Fault]:
     """Every fault that shows only when tables are read together."""
-    checks = (_names, _geometry, _trains, _profile, _economics, _speeds)
+    checks = (_names, _geometry, _trains, _profile, _economics, _speeds, _stepping)
     return [fault for check in checks for fault in check(parts)]
 
 
@@ -268,6 +271,24 @@ def _speeds(parts: Parts) -> Iterator[Fault]:
                 f"received {speed / KMH:g}; '{name}' has Rayleigh speed {limit / KMH:.0f} km/h: "
                 "stay below, or set track.allow_supercritical = true",
             )
+
+
+def _stepping(parts: Parts) -> Iterator[Fault]:
+    """What updating passage by passage does not do."""
+    if parts.run is None or parts.run.stepping == "cycle_jump":
+        return
+    given = f"received '{parts.run.stepping}'"
+    if parts.profile is not None and parts.profile.window_m >= LONG_WINDOW:
+        yield Fault(
+            "run.stepping",
+            f"{given}; windows of {LONG_WINDOW:g} m and more (profile.window_m = "
+            f"{parts.profile.window_m:g}) take 'cycle_jump'",
+        )
+    if parts.run.right_hand_side == "pointwise" and parts.run.stepping == "every_train":
+        yield Fault(
+            "run.stepping",
+            f"{given}; right_hand_side = 'pointwise' takes 'every_axle' or 'cycle_jump'",
+        )
 
 
 def _allowed(parts: Parts) -> bool:

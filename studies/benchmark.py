@@ -23,7 +23,7 @@ from mcsettle.interaction import precompute
 from mcsettle.irregularity import sample_profiles, spectrum, wavenumbers
 from mcsettle.kernels import march as kernel_march
 from mcsettle.kernels import runtime
-from mcsettle.march import day_loads
+from mcsettle.march import day_loads, pointwise_day_loads
 from mcsettle.pointwise import pointwise_growth, pointwise_load
 from mcsettle.settlement import SettlementModel, cycle_increment, strain_scale
 from mcsettle.spectral import ModePairs, axle_form, growth, mode_pairs, tables, train_form
@@ -246,8 +246,7 @@ def march_kernel(by_train: bool):
     """The production kernel: one update per axle, or one per train."""
 
     def build(transfer, model, tracks):
-        service = Service(Train("passenger", (PASSENGER,) * 11), 201 * KMH, 72)
-        case = Case(Timetable((service,)), (transfer,), model, WINDOW, 1.0, 1e9)
+        case = one_service(transfer, model)
         pairs = pairs_of(transfer)
         loads = day_loads(case, pairs, by_train)
         change = one_train(case, pairs, loads, tracks, by_train)
@@ -276,16 +275,40 @@ def one_train(case, pairs, loads, tracks, by_train):
 
 
 def pointwise_kernel(transfer, model, tracks):
-    """Every x and depth, any exponent."""
-    load, u = pointwise_load(transfer, model, WINDOW), tracks[:256]
-    w = np.repeat(weights_of(model), len(u), axis=0)
-    change = pointwise_growth(load, np.arange(len(load.response)), tracks[:1], w[:1])[0][0]
+    """Every x and depth, any exponent, a whole train at frozen profiles."""
+    load = pointwise_load(transfer, model, WINDOW)
+    w, axles = np.repeat(weights_of(model), len(tracks), axis=0), np.arange(load.n_axles)
+    change = pointwise_growth(load, axles, tracks[:1], w[:1])[0][0]
 
     def advance() -> int:
-        pointwise_growth(load, np.arange(4), u, w)
-        return 4 * len(u)
+        pointwise_growth(load, axles, tracks, w)
+        return len(axles) * len(tracks)
 
     return advance, change
+
+
+def pointwise_march(transfer, model, tracks):
+    """Every x and depth, profiles updated after every axle."""
+    case = one_service(transfer, model)
+    loads = pointwise_day_loads(case)
+    first = loads.begin(tracks[:1], 2.0)
+    first.advance(*update_weights(case, loads.plan, 0, AXLES))
+    change = first.amplitudes()[0] - tracks[0]
+    state, done = loads.begin(tracks, 2.0), [0]
+
+    def advance() -> int:
+        count = state.burst_size()
+        state.advance(*update_weights(case, loads.plan, done[0], count))
+        done[0] += count
+        return count * len(tracks)
+
+    return advance, change
+
+
+def one_service(transfer: TransferFunctions, model: SettlementModel) -> Case:
+    """Seventy-two trains a day, far from any limit."""
+    service = Service(Train("passenger", (PASSENGER,) * 11), 201 * KMH, 72)
+    return Case(Timetable((service,)), (transfer,), model, WINDOW, 1.0, 1e9)
 
 
 DESIGNS = {
@@ -293,7 +316,8 @@ DESIGNS = {
     "NumPy, second-order form, 64 realisations": numpy_form,
     "SciPy FFT, the same mathematics, 64 realisations": scipy_low_rank,
     "Numba, second-order form, lanes": numba_lanes,
-    "Taichi, every x and depth": pointwise_kernel,
+    "Taichi, every x and depth, frozen over a train": pointwise_kernel,
+    "Taichi, every x and depth, every axle": pointwise_march,
     "Taichi, second-order form, every axle": march_kernel(by_train=False),
     "Taichi, second-order form, every train": march_kernel(by_train=True),
 }

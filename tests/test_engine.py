@@ -323,6 +323,18 @@ def test_pointwise_right_hand_side_agrees():
         np.testing.assert_allclose(fast.mean_settlement, slow.mean_settlement, rtol=tolerance)
 
 
+def test_every_axle_at_every_x_and_depth():
+    """Exact for exponents 2: the same passages, the same tracks at the end."""
+    profiles = toy.profiles(range(3), shortest=12.0)
+    for laws, tolerance in ((toy.QUADRATIC_LAWS, 1e-8), (toy.LAWS, 3e-4)):
+        case = toy.case((("car", 200),), shortest=12.0, laws=laws, settlement_factor=1e4)
+        fast = Engine(case, "every_axle").run(profiles, DAYS[:1])
+        slow = Engine(case, "every_axle", "pointwise").run(profiles, DAYS[:1])
+        assert fast.reached.all()
+        np.testing.assert_allclose(fast.days, slow.days, rtol=tolerance, atol=1.01 / 800)
+        np.testing.assert_allclose(fast.mean_settlement, slow.mean_settlement, rtol=1e-3)
+
+
 def test_a_long_window_takes_the_sd_of_200_m():
     modes = {"window": 1000.0, "shortest": 6.0}
     case = toy.case((("car", 100),), settlement_factor=3e3, **modes)
@@ -372,7 +384,7 @@ def test_impossible_combinations_are_refused():
     with pytest.raises(ValueError, match="choose from"):
         Engine(case, right_hand_side="guess")
     with pytest.raises(ValueError, match="cycle_jump"):
-        Engine(case, "every_axle", "pointwise")
+        Engine(case, "every_train", "pointwise")
     with pytest.raises(ValueError, match="cycle_jump"):
         Engine(case, "every_axle").run(toy.profiles([0], shortest=8.0), DAYS, np.ones(1))
     with pytest.raises(ValueError, match="one set of transfer functions per service"):

@@ -506,3 +506,17 @@ def test_any_file_is_refused_in_words(tmp_path: Path, content: bytes) -> None:
     path.write_bytes(content)
     with pytest.raises(InputError):
         load_study(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ((("run.stepping", "every_axle"), ("profile.window_m", 400.0)), "take 'cycle_jump'"),
+        (
+            (("run.stepping", "every_train"), ("run.right_hand_side", "pointwise")),
+            "right_hand_side = 'pointwise' takes 'every_axle'",
+        ),
+    ],
+)
+def test_what_the_models_do_not_cover_is_refused_before_any_work(changes, words) -> None:
+    assert words in refusal(changed(*changes))

@@ -17,6 +17,7 @@ N = 70  # a full tile of lanes and a begun one
 DAYS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 FIELDS = ("days", "amplitudes", "history", "mean_settlement", "passages", "reached", "steps")
 STEPPINGS = ("cycle_jump", "every_axle")
+RUNS = (("cycle_jump", "spectral"), ("every_axle", "spectral"), ("every_axle", "pointwise"))
 
 
 def quick(services=(("passenger", 20), ("freight", 15))) -> Case:
@@ -98,11 +99,15 @@ def test_long_window():
     assert_same_bits(Part(parts), everyone)
 
 
-def test_pointwise():
+@pytest.mark.parametrize("stepping", STEPPINGS)
+def test_pointwise(stepping):
     case = toy.case((("car", 100),), shortest=20.0, horizon=0.5, settlement_factor=1e4)
-    engine = Engine(case, right_hand_side="pointwise")
-    everyone = engine.run(toy.profiles(range(9), shortest=20.0), DAYS[:1])
-    parts = [engine.run(toy.profiles(p, shortest=20.0), DAYS[:1]) for p in (range(3), range(3, 9))]
+    engine = Engine(case, stepping, "pointwise")
+    everyone = engine.run(toy.profiles(range(70), shortest=20.0), DAYS[:1])
+    order = np.random.default_rng(1).permutation(70)
+    mixed = engine.run(toy.profiles(order, shortest=20.0), DAYS[:1])
+    assert_same_bits(mixed, Part([everyone], order))
+    parts = [engine.run(toy.profiles(p, shortest=20.0), DAYS[:1]) for p in (range(3), range(3, 70))]
     assert_same_bits(Part(parts), everyone)
 
 
@@ -113,11 +118,11 @@ sys.path[:0] = sys.argv[3:]
 from mcsettle.engine import Engine
 import test_bits
 out = {}
-for stepping in test_bits.STEPPINGS:
-    engine = Engine(test_bits.quick(), stepping, threads=int(sys.argv[1]))
+for stepping, side in test_bits.RUNS:
+    engine = Engine(test_bits.quick(), stepping, side, threads=int(sys.argv[1]))
     outcome = engine.run(test_bits.tracks(range(200)), test_bits.DAYS)
     for name in test_bits.FIELDS:
-        out[stepping + "-" + name] = getattr(outcome, name)
+        out["-".join((stepping, side, name))] = getattr(outcome, name)
 np.savez(sys.argv[2], **out)
 """
 
@@ -133,6 +138,6 @@ def test_threads(tmp_path):
             check=True, env=dict(os.environ),
         )  # fmt: skip
         results.append(dict(np.load(path)))
-    assert len(results[0]) == 2 * len(FIELDS)
+    assert len(results[0]) == len(RUNS) * len(FIELDS)
     for name, values in results[0].items():
         np.testing.assert_array_equal(values, results[1][name], err_msg=name)
