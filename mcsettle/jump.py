@@ -92,9 +92,10 @@ def _in_timetable_order(
     for s, share in enumerate(shares):
         axles = services[s].per_day * services[s].train.n_axles
         part = share / whole
+        begun = done >= fraction  # a track at its limit before the day's first train stays there
         with np.errstate(divide="ignore", invalid="ignore"):
-            here = np.clip((fraction - done) / part, 0.0, 1.0)
-        ends = left & (part > 0.0) & (done + part >= fraction)
+            here = np.where(begun, 0.0, np.clip((fraction - done) / part, 0.0, 1.0))
+        ends = left & (begun | ((part > 0.0) & (done + part >= fraction)))
         passages += np.where(ends, here * axles, np.where(left, float(axles), 0.0))
         left &= ~ends
         done = done + part
@@ -113,7 +114,7 @@ def spectral_growth(case: Case, pairs: ModePairs) -> Growth:
 
 
 def exact_growth(case: Case) -> Growth:
-    """Growth at every x and depth: any law without expansion, hundreds of times slower."""
+    """Growth at every x and depth: any law without expansion, several times slower."""
     loads = [pointwise_load(transfer, case.model, case.window) for transfer in case.transfers]
     n_groups = len(case.model.group_laws)
 
