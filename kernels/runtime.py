@@ -3,7 +3,7 @@
 The compiler gives a parallel loop at least 512 iterations per thread by default, so that a loop over a
 few tiles would run on one core; the three ``cpu`` options below switch that rule off.
 
-Depends on: taichi.
+Depends on: errors, files, taichi.
 """
 
 import contextlib
@@ -17,6 +17,9 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 
 import taichi as ti
+
+from mcsettle.errors import InputError
+from mcsettle.files import cache_folder
 
 _started: dict[str, object] = {}
 
@@ -52,7 +55,7 @@ def start(threads: int | None = None, debug: bool = False) -> dict[str, object]:
             fast_math=False,
             debug=debug,
             offline_cache=True,
-            offline_cache_file_path=str(_cache_folder()),
+            offline_cache_file_path=str(_kernel_folder()),
             log_level=ti.ERROR,
             make_cpu_multithreading_loop=False,
             cpu_block_dim_adaptive=False,
@@ -73,14 +76,12 @@ def cache_name() -> str:
     return f"taichi-{version()}-{hashlib.sha256(sources).hexdigest()[:12]}"
 
 
-def _cache_folder() -> Path:
+def _kernel_folder() -> Path:
     """Folder of compiled kernels: per user, per version of these sources; temporary if unwritable."""
-    root = os.environ.get("MCSETTLE_CACHE")
-    base = Path(root) if root else Path.home() / ".cache" / "mcsettle"
-    folder = base / cache_name()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = cache_folder() / cache_name()
+        folder.mkdir(exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             return folder
-    except OSError:
+    except (InputError, OSError):
         return Path(tempfile.mkdtemp(prefix="mcsettle-taichi-"))

@@ -1,6 +1,6 @@
 """What this installation consists of, whether its parts work, and what to do where they do not.
 
-Depends on: errors, step_a; inside the checks: mcsettle.kernels.
+Depends on: errors, files; inside the checks: mcsettle.kernels.
 """
 
 import importlib.metadata
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mcsettle.errors import InputError
-from mcsettle.step_a import cache_folder
+from mcsettle.files import cache_folder
 
 PYTHON_FROM, PYTHON_BELOW = (3, 11), (3, 14)  # as in pyproject.toml
 LIBRARIES = (

@@ -15,6 +15,28 @@ from pathlib import Path
 from mcsettle.errors import InputError
 
 
+def cache_folder() -> Path:
+    """Folder of precomputed results: ``MCSETTLE_CACHE`` or the user's cache; made if missing.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made.
+    """
+    base = os.environ.get("MCSETTLE_CACHE") or os.environ.get("XDG_CACHE_HOME")
+    folder = Path(base) if base else Path.home() / ".cache"
+    if not os.environ.get("MCSETTLE_CACHE"):
+        folder = folder / "mcsettle"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"the cache folder {folder} cannot be made ({error.strerror}); "
+            "set MCSETTLE_CACHE to a folder that can be written"
+        ) from None
+    return folder
+
+
 def write_text(folder: Path, name: str, text: str) -> Path:
     """Write a text file ``folder/name``, UTF-8, whole or not at all.
 

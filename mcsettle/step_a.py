@@ -9,17 +9,16 @@ Depends on: beam, errors, fem25d, interaction, irregularity, soil, study, track,
 import hashlib
 import math
 import multiprocessing
-import os
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mcsettle.beam import beam_response
 from mcsettle.errors import InputError
+from mcsettle.files import cache_folder
 from mcsettle.interaction import HERTZ_STIFFNESS, precompute, transfer_digest
 from mcsettle.irregularity import wavenumbers
 from mcsettle.soil import SofteningSettings
@@ -46,28 +45,6 @@ class StepA:
         """SHA-256 [hex] over all transfer functions."""
         digests = sorted({t.digest for group in self.transfers.values() for t in group})
         return hashlib.sha256("\n".join(digests).encode()).hexdigest()
-
-
-def cache_folder() -> Path:
-    """Folder of precomputed results: ``MCSETTLE_CACHE`` or the user's cache; made if missing.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be made.
-    """
-    base = os.environ.get("MCSETTLE_CACHE") or os.environ.get("XDG_CACHE_HOME")
-    folder = Path(base) if base else Path.home() / ".cache"
-    if not os.environ.get("MCSETTLE_CACHE"):
-        folder = folder / "mcsettle"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"the cache folder {folder} cannot be made ({error.strerror}); "
-            "set MCSETTLE_CACHE to a folder that can be written"
-        ) from None
-    return folder
 
 
 def study_wavenumbers(study: Study) -> np.ndarray:

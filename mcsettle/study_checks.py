@@ -3,7 +3,7 @@
 Each check looks only at tables that are themselves sound (the others are None or left out), so that
 one reading of a study reports all of its faults. Warnings are remarks on a study that will run.
 
-Depends on: study_build, study_faults, study_schema, track, traffic, units.
+Depends on: study_build, study_faults, study_schema, track, traffic, units, waves.
 """
 
 from collections import Counter
@@ -25,9 +25,10 @@ from mcsettle.study_schema import (
     TrainTable,
     VariantTable,
 )
-from mcsettle.track import TRACKS, BeamTrack, Material, Track
+from mcsettle.track import TRACKS, BeamTrack, Track
 from mcsettle.units import KMH, MGT, TONNE
 from mcsettle.vehicle import VEHICLES
+from mcsettle.waves import rayleigh_speed
 
 NEAR_CRITICAL = 0.8
 LONG_WINDOW = 400.0  # m, from which the SD is that of a section of the window
@@ -69,27 +70,6 @@ def warnings_of(parts: Parts) -> list[str]:
                 f"({limit / KMH:.0f} km/h)"
             )
     return remarks
-
-
-def rayleigh_speed(material: Material) -> float:
-    """Speed of Rayleigh waves on a half-space of ``material`` [m/s].
-
-    The root below 1 of (2 − ξ²)² = 4 √(1 − ξ²) √(1 − κ²ξ²), with ξ = c/c_S and κ = c_S/c_P.
-
-    >>> round(rayleigh_speed(Material(2.5e8, 0.25, 1000.0, 0.0)) / (1e5 / 1e3) ** 0.5 / 31.6228, 4)
-    0.9194
-    """
-    ratio = (material.shear_wave_speed / material.pressure_wave_speed) ** 2
-
-    def residual(square: float) -> float:
-        root = ((1.0 - square) * (1.0 - ratio * square)) ** 0.5
-        return float((2.0 - square) ** 2 - 4.0 * root)
-
-    low, high = 0.2, 1.0  # the residual is negative below the root and 1 at ξ = 1
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if residual(middle) < 0.0 else (low, middle)
-    return float(material.shear_wave_speed * low**0.5)
 
 
 def _names(parts: Parts) -> Iterator[Fault]:

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from mcsettle.fem25d import SectionResponse, rayleigh_speed
+from mcsettle.fem25d import SectionResponse
 from mcsettle.step_a import Progress, softening_history
 from mcsettle.stress import deviatoric_stress
 from mcsettle.study import Study
@@ -17,6 +17,7 @@ from mcsettle.transfer import TrackResponse
 from mcsettle.units import KMH, KN, KPA, MM, MPA
 from mcsettle.views.stress import layer_weights
 from mcsettle.views.table4 import Increase
+from mcsettle.waves import rayleigh_speed
 
 __all__ = ["describe", "increases_at_surface", "track_cases", "track_summary"]
 

@@ -18,7 +18,6 @@ from mcsettle.closed_forms import (
     winkler_compliance,
     winkler_deflection,
 )
-from mcsettle.fem25d import rayleigh_speed
 from mcsettle.halfspace import strip_stress
 from mcsettle.interaction import track_compliance_matrix
 from mcsettle.layered import LayeredGround, layered_ground, surface_compliance
@@ -27,6 +26,7 @@ from mcsettle.strip import strip_compliance, strip_response
 from mcsettle.track import LEAN_CLAY, TOY_TRACK, VALIDATION_TRACK, Layer
 from mcsettle.validate_case import Case, worst_point, worst_ratio
 from mcsettle.vehicle import FREIGHT, PASSENGER, natural_frequencies, vehicle_compliance
+from mcsettle.waves import rayleigh_speed
 
 WIDTH = 2.5  # m, of the strip
 DEPTHS = np.array([0.1, 0.5, 2.0, 5.5])  # m

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mcsettle.fem25d import MeshSettings, Settings, rayleigh_speed, section_response
+from mcsettle.fem25d import MeshSettings, Settings, section_response
 from mcsettle.fem25d.depth import depth_grid, geostatic_stress
 from mcsettle.fem25d.element import smeared_stiffness
 from mcsettle.fem25d.grid import growing_lines, uniform_lines
@@ -16,6 +16,7 @@ from mcsettle.fem25d.reduced import output_error
 from mcsettle.fem25d.section import AXIAL_RATIO, track_section
 from mcsettle.fem25d.solve import factorise, operator, outputs, solve
 from mcsettle.track import CASE_STUDY_TRACK, VALIDATION_TRACK, Material
+from mcsettle.waves import rayleigh_speed
 
 MESH = MeshSettings(size=0.3, growth=1.5, largest=1.5, border=Border(elements=7))
 COARSE = Settings(

@@ -8,7 +8,6 @@ from scipy.linalg import expm
 
 from mcsettle.closed_forms import moving_load_factor, static_strip_compliance
 from mcsettle.errors import NumericalError
-from mcsettle.fem25d import rayleigh_speed
 from mcsettle.halfspace import strip_stress
 from mcsettle.layered import (
     _slice_stiffness,
@@ -22,6 +21,7 @@ from mcsettle.layered import (
 from mcsettle.quadrature import integrate
 from mcsettle.strip import beam_deflection, beam_receptance, strip_compliance, strip_response
 from mcsettle.track import BALLAST, LEAN_CLAY, VALIDATION_TRACK
+from mcsettle.waves import rayleigh_speed
 
 CLAY = LEAN_CLAY.material
 GROUND = layered_ground(VALIDATION_TRACK.ground)

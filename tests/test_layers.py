@@ -24,7 +24,16 @@ LAYERS = (
         "tables",
         "distributions",
     ),
-    ("transfer", "transfer_file", "halfspace", "settlement", "stress", "roughness", "stepping"),
+    (
+        "transfer",
+        "transfer_file",
+        "waves",
+        "halfspace",
+        "settlement",
+        "stress",
+        "roughness",
+        "stepping",
+    ),
     ("quadrature", "closed_forms"),
     (
         "fem25d",

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from mcsettle.errors import InputError
 from mcsettle.study import Study, json_schema, load_study, resolved_toml
-from mcsettle.study_checks import rayleigh_speed
 from mcsettle.study_read import LARGEST_FILE
 from mcsettle.track import CASE_STUDY_TRACK, LEAN_CLAY, TOY_TRACK, VALIDATION_TRACK, Material
 from mcsettle.vehicle import FREIGHT, PASSENGER
+from mcsettle.waves import rayleigh_speed
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
 

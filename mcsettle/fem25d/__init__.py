@@ -10,7 +10,6 @@ Depends on: curves, errors, soil, track, traffic, transfer, units.
 
 from mcsettle.fem25d.equivalent import equivalent_linear_response as equivalent_linear_response
 from mcsettle.fem25d.moving import SectionResponse as SectionResponse
-from mcsettle.fem25d.moving import rayleigh_speed as rayleigh_speed
 from mcsettle.fem25d.response import section_response as section_response
 from mcsettle.fem25d.section import MeshSettings as MeshSettings
 from mcsettle.fem25d.settings import Settings as Settings

@@ -6,7 +6,6 @@ Depends on: reduced.
 import hashlib
 import json
 import os
-import sys
 import tempfile
 import warnings
 import zipfile
@@ -27,20 +26,6 @@ def digest_of(description: dict[str, Any]) -> str:
     """SHA-256 hex digest of the canonical JSON of a description."""
     text = json.dumps(description, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def cache_folder() -> Path:
-    """Folder for reduced bases: ``MCSETTLE_CACHE``, else the platform's user cache folder."""
-    named = os.environ.get("MCSETTLE_CACHE")
-    if named:
-        return Path(named)
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    return base / "mcsettle" / f"fem25d-{FORMAT}"
 
 
 def write_bands(path: Path, bands: tuple[Band, ...], errors: np.ndarray) -> None:

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mcsettle.fem25d.cache import FORMAT, cache_folder, digest_of, read_arrays, write_arrays
+from mcsettle.fem25d.cache import FORMAT, digest_of, read_arrays, write_arrays
 from mcsettle.fem25d.moving import SectionResponse
 from mcsettle.fem25d.response import Progress, section_response
 from mcsettle.fem25d.section import ElementProperties, MeshSettings
 from mcsettle.fem25d.settings import Settings
 from mcsettle.fem25d.softening import SoftenedGround, SofteningHistory, soften
+from mcsettle.files import cache_folder
 from mcsettle.soil import SofteningSettings
 from mcsettle.track import SectionTrack
 from mcsettle.traffic import Train

@@ -23,20 +23,11 @@ from mcsettle.fem25d.quadrature import Quadrature, jump_shares, wavenumber_quadr
 from mcsettle.fem25d.reduced import Band
 from mcsettle.fem25d.section import ElementProperties
 from mcsettle.fem25d.settings import Settings
-from mcsettle.track import Material, SectionTrack
+from mcsettle.track import SectionTrack
 from mcsettle.transfer import DepthGrid, WavenumberSpectra
+from mcsettle.waves import rayleigh_speed
 
 CHUNK = 8  # driving frequencies evaluated together
-
-
-def rayleigh_speed(material: Material) -> float:
-    """Speed of the Rayleigh wave of a half-space [m/s], from its secular equation."""
-    ratio = (material.shear_wave_speed / material.pressure_wave_speed) ** 2
-    # x = (c_R/c_S)²: x³ - 8x² + (24 - 16 ratio) x - 16 (1 - ratio) = 0
-    roots = np.roots([1.0, -8.0, 24.0 - 16.0 * ratio, -16.0 * (1.0 - ratio)])
-    real = roots[np.abs(roots.imag) < 1e-9].real
-    x = real[(real > 0.0) & (real < 1.0)].min()
-    return float(material.shear_wave_speed * np.sqrt(x))
 
 
 def rail_coupling(

@@ -14,13 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from mcsettle.fem25d.cache import FORMAT, cache_folder, digest_of, read_bands, write_bands
-from mcsettle.fem25d.moving import SectionResponse, rayleigh_speed
+from mcsettle.fem25d.cache import FORMAT, digest_of, read_bands, write_bands
+from mcsettle.fem25d.moving import SectionResponse
 from mcsettle.fem25d.reduced import Band, grow_band, output_error, training_set
 from mcsettle.fem25d.section import ElementProperties, Section, track_section
 from mcsettle.fem25d.settings import Settings
 from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.files import cache_folder
 from mcsettle.track import SectionTrack
+from mcsettle.waves import rayleigh_speed
 
 Progress = Callable[[int, int, str], None]
 HELD_OUT = 3  # random check points a band
