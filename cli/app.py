@@ -4,7 +4,8 @@ Everything heavy is imported inside the command that needs it, so that ``--help`
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
 
 Depends on: cli.edge, typer; inside the commands: doctor, errors, pipeline, study, summary, tornado,
-track_pictures, track_report, validate, cli.batches, cli.checks, cli.fitting, cli.spread, cli.views.
+track_pictures, track_report, validate, cli.batches, cli.checks, cli.fitting, cli.record, cli.spread,
+cli.views.
 """
 
 from pathlib import Path
@@ -265,6 +266,71 @@ def track(
             folder = out / case.variant if len(cases) > 1 else out
             written = draw_track(case, rows, table, folder, progress)
             talk(f"Wrote {len(written)} files to {folder}")
+
+
+@app.command()
+@plainly
+def profile(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Record (CSV, Parquet), or a study with one.")
+    ],
+    chainage_column: Annotated[str | None, typer.Option(help="Default: chainage_m.")] = None,
+    level_column: Annotated[str | None, typer.Option(help="Default: level_mm.")] = None,
+    chainage_unit: Annotated[str | None, typer.Option(help="m, km, ft, yd or mi.")] = None,
+    level_unit: Annotated[str | None, typer.Option(help="mm, m, cm or in.")] = None,
+    positive: Annotated[str | None, typer.Option(help="down (default) or up.")] = None,
+    separator: Annotated[
+        str | None, typer.Option(help="comma (default), semicolon, tab or space.")
+    ] = None,
+    decimal: Annotated[str | None, typer.Option(help="Decimal sign, . or a comma.")] = None,
+    skip_rows: Annotated[int | None, typer.Option(min=0, help="Rows before the heading.")] = None,
+    run_column: Annotated[str | None, typer.Option(help="Column of runs or dates.")] = None,
+    run: Annotated[str | None, typer.Option(help="Which run (default: the first).")] = None,
+    repair: Annotated[
+        str | None, typer.Option(help="Findings to mend, such as gaps,repeated.")
+    ] = None,
+    longest_gap: Annotated[float | None, typer.Option(help="Gap to bridge (m; 5).")] = None,
+    window: Annotated[float | None, typer.Option(help="Length of a section (m; 200).")] = None,
+    shortest: Annotated[float | None, typer.Option(help="Shortest wave (m; 3).")] = None,
+    longest: Annotated[float | None, typer.Option(help="Longest wave (m; 35).")] = None,
+    filter_kind: Annotated[
+        str | None, typer.Option("--filter", help="ideal (default), butterworth or en13848_d1.")
+    ] = None,
+    order: Annotated[int | None, typer.Option(help="Order of the Butterworth (4).")] = None,
+    speed_kmh: Annotated[
+        float | None, typer.Option(min=1.0, help="Speed of the line, for quality classes.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for a picture and the JSON.")] = None,
+    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Look at a measured record: findings, SD by section, spectrum, fitted constants."""
+    from mcsettle.cli.record import report_json, report_lines, report_of, write_report
+
+    if out is not None:
+        checked_folder(out)
+    options: dict[str, Any] = {
+        "chainage_column": chainage_column,
+        "level_column": level_column,
+        "chainage_unit": chainage_unit,
+        "level_unit": level_unit,
+        "positive": positive,
+        "separator": separator,
+        "decimal": decimal,
+        "skip_rows": skip_rows,
+        "run_column": run_column,
+        "run": run,
+        "repair": None if repair is None else [part.strip() for part in repair.split(",")],
+        "longest_gap_m": longest_gap,
+        "window_m": window,
+        "shortest_m": shortest,
+        "longest_m": longest,
+        "filter": filter_kind,
+        "filter_order": order,
+    }
+    report = report_of(file, options, speed_kmh)
+    typer.echo(report_json(report) if json_output else "\n".join(report_lines(report)))
+    if out is not None:
+        write_report(report, out, file.name)
 
 
 @app.command()

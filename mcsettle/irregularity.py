@@ -235,6 +235,12 @@ def sample_profiles(
     return profiles
 
 
+def random_amplitudes(seed: int, index: int, n_modes: int) -> np.ndarray:
+    """Complex normal numbers [K] of one address, of unit variance in each part."""
+    normals = _normals(seed, index, n_modes)
+    return np.asarray(normals[:, 0] + 1j * normals[:, 1])
+
+
 def standard_deviation(
     profiles: np.ndarray, wavenumbers: np.ndarray | None = None, section: float | None = None
 ) -> np.ndarray:

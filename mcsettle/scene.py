@@ -1,6 +1,6 @@
 """One variant and scenario of a study as Step B takes it: case, initial tracks, days recorded.
 
-Depends on: case, irregularity, step_a, study, units.
+Depends on: case, irregularity, measured, sections, step_a, study, units.
 """
 
 import hashlib
@@ -8,10 +8,17 @@ import hashlib
 import numpy as np
 
 from mcsettle.case import Case
-from mcsettle.irregularity import default_section, sample_profiles, spectrum
+from mcsettle.irregularity import (
+    default_section,
+    sample_profiles,
+    spectrum,
+    standard_deviation,
+)
+from mcsettle.measured import ensemble
+from mcsettle.sections import Sections
 from mcsettle.step_a import StepA, study_wavenumbers
 from mcsettle.study import Study
-from mcsettle.units import DAYS_PER_YEAR
+from mcsettle.units import DAYS_PER_YEAR, MM
 
 
 def build_case(study: Study, prepared: StepA, variant: str, scenario: str) -> Case:
@@ -30,6 +37,9 @@ def build_case(study: Study, prepared: StepA, variant: str, scenario: str) -> Ca
 def initial_profiles(study: Study, indices: range) -> np.ndarray:
     """Initial amplitudes complex [R, K] m of the realisations ``indices``, the same in every scenario."""
     profile = study.profile
+    record = study.record()
+    if record is not None:
+        return _measured_profiles(study, record.sections, indices)
     return sample_profiles(
         spectrum(profile.spectrum, profile.fra_class),
         study_wavenumbers(study),
@@ -39,6 +49,20 @@ def initial_profiles(study: Study, indices: range) -> np.ndarray:
         sd=profile.sd,
         section=default_section(profile.window_m),
     )
+
+
+def _measured_profiles(study: Study, sections: Sections, indices: range) -> np.ndarray:
+    """Initial amplitudes around a measured record, scaled to the study's SD where it gives one."""
+    table, sd = study.profile.record, study.profile.sd
+    assert table is not None
+    noise = (table.noise_mm or 0.0) * MM
+    profiles = ensemble(sections, table.ensemble, table.section, noise, study.seed, indices)
+    if sd is None:
+        return profiles
+    own = standard_deviation(
+        profiles, study_wavenumbers(study), default_section(study.profile.window_m)
+    )
+    return np.asarray(profiles * (sd / own)[:, None])
 
 
 def sample_days(study: Study) -> np.ndarray:

@@ -3,25 +3,29 @@
 ``load_study`` is the door. A study holds the tables of the file (``study_schema``) and builds the
 objects of the model from them; it knows nothing of how a study is run.
 
-Depends on: economics, errors, soil, study_build, study_checks, study_faults, study_read,
-study_schema, study_text, study_uncertain, track, traffic, units.
+Depends on: economics, errors, inputs, irregularity, measured, soil, study_build, study_checks,
+study_faults, study_read, study_schema, study_text, study_uncertain, track, traffic, units.
 """
 
 import hashlib
 import json
 import os
 from collections.abc import Iterable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import Field, ValidationError
+from pydantic import Field, PrivateAttr, ValidationError
 
 from mcsettle.economics import Change, speed_change, tonnage_change
 from mcsettle.errors import InputError
+from mcsettle.inputs import digest_of, input_file
+from mcsettle.irregularity import wavenumbers
+from mcsettle.measured import Record, prepared
 from mcsettle.soil import SofteningSettings
 from mcsettle.study_build import (
     SettlementSettings,
+    build_record,
     build_softening,
     build_timetable,
     build_track,
@@ -40,6 +44,7 @@ from mcsettle.study_schema import (
     LimitTable,
     Name,
     ProfileTable,
+    RecordTable,
     ReferenceTable,
     RunTable,
     ScenarioTable,
@@ -63,7 +68,7 @@ from mcsettle.units import DAYS_PER_YEAR, MGT
 
 SCHEMA_VERSION = 1
 PARAMETER_SETS = 64  # of a study with uncertain inputs that does not say how many
-_NO_EFFECT_ON_RESULTS = {"title", "reference", "calibration"}
+_NO_EFFECT_ON_RESULTS = {"title", "reference", "calibration", "files_outside"}
 
 
 class Study(Table):
@@ -85,8 +90,11 @@ class Study(Table):
     )
     reference: Annotated[tuple[ReferenceTable, ...], Field(max_length=1000)] = ()
     calibration: CalibrationTable | None = None
+    files_outside: bool = False
     uncertain: Annotated[tuple[UncertainTable, ...], Field(max_length=100)] = ()
     correlations: Annotated[tuple[CorrelationTable, ...], Field(max_length=1000)] = ()
+
+    _folder: Path | None = PrivateAttr(default=None)  # what file names start from
 
     @property
     def n_sets(self) -> int:
@@ -118,13 +126,21 @@ class Study(Table):
             entry.pop("title", None)
         for entry in data.get("uncertain", []) + data.get("correlations", []):
             entry.pop("source", None)
+        if self.profile.file is not None:  # what is in the file decides, not what it is called
+            data["profile"].pop("file")
         text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Remarks on a sound study: speeds near or above a wave speed of the ground."""
-        return tuple(warnings_of(_parts(self)))
+        """Remarks on a sound study: speeds near a wave speed of the ground, a record's findings.
+
+        Raises
+        ------
+        InputError
+            The profile's record cannot be read or used.
+        """
+        return (*warnings_of(_parts(self)), *self._record_remarks())
 
     def variant(self, name: str) -> VariantTable:
         """The variant ``name``.
@@ -209,7 +225,7 @@ class Study(Table):
         }
         data["run"] |= {key: value for key, value in changes.items() if value is not None}
         data["seed"] = self.seed if seed is None else seed
-        return type(self)._checked(data, "the run asked for")
+        return type(self)._checked(data, "the run asked for", self._folder)
 
     def with_inputs(self, values: Mapping[str, float]) -> Self:
         """Copy with the inputs at the key paths ``values`` replaced; nothing of it is uncertain.
@@ -219,21 +235,26 @@ class Study(Table):
         InputError
             A value the study file would refuse.
         """
-        return self.from_mapping(with_values(_plain(self), values), "a draw of the inputs")
+        data = with_values(_plain(self), values)
+        return self.from_mapping(data, "a draw of the inputs", self._folder)
 
     @classmethod
-    def from_mapping(cls, data: Mapping[str, Any], origin: str = "the study") -> Self:
+    def from_mapping(
+        cls, data: Mapping[str, Any], origin: str = "the study", folder: Path | None = None
+    ) -> Self:
         """Study of nested mappings and lists, as a TOML file gives them; all faults at once.
+
+        File names in it start from ``folder`` (None: where the program runs).
 
         Raises
         ------
         InputError
             One line a fault: key path, value received, what is accepted.
         """
-        return cls._checked(with_tuples(data), origin)
+        return cls._checked(with_tuples(data), origin, folder)
 
     @classmethod
-    def _checked(cls, data: Mapping[str, Any], origin: str) -> Self:
+    def _checked(cls, data: Mapping[str, Any], origin: str, folder: Path | None) -> Self:
         try:
             study, faults, wrong = cls.model_validate(data), [], set()
         except ValidationError as error:
@@ -242,8 +263,8 @@ class Study(Table):
         faults += faults_between(sound_parts(data, wrong) if study is None else _parts(study))
         if study is None or faults:
             raise refusal(origin, list(dict.fromkeys(faults)))
-        study = study._resolved()
-        faults = study._uncertain_faults()
+        study, faults = study._resolved()._with_files(folder)
+        faults = faults or study._uncertain_faults()
         if faults:
             raise refusal(origin, faults)
         return study
@@ -254,9 +275,54 @@ class Study(Table):
             said = "has no meaning without [[uncertain]] inputs; leave it out"
             given = bool(self.correlations) or (self.run.parameter_sets or 1) > 1
             return [Fault(wrong, said)] if given else []
-        return uncertain_faults(
-            _plain(self), self.uncertain, self.correlations, type(self).from_mapping
+        accept = partial(type(self).from_mapping, folder=self._folder)
+        return uncertain_faults(_plain(self), self.uncertain, self.correlations, accept)
+
+    def _with_files(self, folder: Path | None) -> tuple[Self, list[Fault]]:
+        """The study with the digest of the file it names, and the faults of that name."""
+        if self.profile.file is None:
+            return self, []
+        self._folder = folder
+        record = self.profile.record or RecordTable()
+        try:
+            path = input_file(folder, self.profile.file, self.files_outside)
+            digest = digest_of(path, record.sha256)
+        except InputError as error:
+            return self, [Fault("profile.file", str(error))]
+        profile = self.profile.model_copy(
+            update={"record": record.model_copy(update={"sha256": digest})}
         )
+        return self.model_copy(update={"profile": profile}), []
+
+    def record(self) -> Record | None:
+        """The profile's measured record, read, filtered and cut; None where there is none.
+
+        Raises
+        ------
+        InputError
+            The record cannot be read or used.
+        """
+        profile = self.profile
+        if profile.file is None or profile.record is None:
+            return None
+        path = input_file(self._folder, profile.file, self.files_outside)
+        choice = build_record(profile, path, digest_of(path, profile.record.sha256, missing=False))
+        modes = wavenumbers(profile.window_m, profile.shortest_m, profile.longest_m)
+        try:
+            return prepared(choice, profile.window_m, modes)
+        except InputError as error:
+            raise InputError(f"profile.file '{profile.file}': {error}") from None
+
+    def _record_remarks(self) -> list[str]:
+        record = self.record()
+        if record is None:
+            return []
+        kept = self.profile.record.repair if self.profile.record else ()
+        return [
+            f"profile.file: {finding.kind}: {finding.text}; "
+            + ("mended, as asked for" if finding.kind in kept else "left as they are")
+            for finding in record.findings
+        ]
 
     def _resolved(self) -> Self:
         """Copy with presets, vehicles, variants and economics written out."""
@@ -308,7 +374,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         The file cannot be read, is no TOML, or has faults (all of them are listed).
     """
     data = toml_data(Path(path))
-    return Study.from_mapping(data, str(path))
+    return Study.from_mapping(data, str(path), Path(path).absolute().parent)
 
 
 def resolved_toml(study: Study) -> str:

@@ -4,20 +4,26 @@ A table overrides a named preset key by key. Each map below says which attribute
 a key stands for (a dotted path) and the factor that takes it into SI; read forwards it builds the
 object, read backwards it writes every value of the preset into the table.
 
-Depends on: settlement, soil, study_schema, track, traffic, units, vehicle.
+Depends on: filters, measured, record, settlement, soil, study_schema, track, traffic, units, vehicle.
 """
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
+from mcsettle.filters import Band
+from mcsettle.measured import RecordChoice
+from mcsettle.record import RecordFormat
 from mcsettle.settlement import SettlementModel
 from mcsettle.soil import SofteningSettings
 from mcsettle.study_schema import (
     LayerTable,
+    ProfileTable,
+    RecordTable,
     ScenarioTable,
     SettlementTable,
     SofteningTable,
@@ -184,6 +190,23 @@ def build_train(name: str, table: TrainTable) -> Train:
     """
     car = overridden(VEHICLES[table.vehicle], table, VEHICLE_PATHS)
     return Train(name, (car,) * table.cars)
+
+
+def build_record(table: ProfileTable, path: Path, digest: str) -> RecordChoice:
+    """The record of a study's profile, its file being ``path``.
+
+    Raises
+    ------
+    InputError
+        A band or a filter that cannot be.
+    """
+    record = table.record or RecordTable()
+    layout = RecordFormat(
+        **{field.name: getattr(record, field.name) for field in fields(RecordFormat)}
+    )
+    kind = "ideal" if record.filter == "ideal" else "butterworth"
+    band = Band(table.shortest_m, table.longest_m, kind, record.filter_order)
+    return RecordChoice(path, digest, layout, record.run, record.repair, record.longest_gap_m, band)
 
 
 def build_timetable(scenario: ScenarioTable, trains: Mapping[str, Train]) -> Timetable:

@@ -3,13 +3,14 @@
 Each check looks only at tables that are themselves sound (the others are None or left out), so that
 one reading of a study reports all of its faults. Warnings are remarks on a study that will run.
 
-Depends on: study_build, study_faults, study_schema, track, traffic, units, waves.
+Depends on: filters, study_build, study_faults, study_schema, track, traffic, units, waves.
 """
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from mcsettle.filters import D1
 from mcsettle.study_build import CURVE_PATHS, build_track, build_train
 from mcsettle.study_faults import Fault, dotted, shown, suggestion
 from mcsettle.study_schema import (
@@ -187,6 +188,7 @@ def _profile(parts: Parts) -> Iterator[Fault]:
     profile, limit = parts.profile, parts.limit
     if profile is None:
         return
+    yield from _record(profile)
     if profile.longest_m <= profile.shortest_m:
         message = (
             f"received {profile.longest_m:g}; it must exceed shortest_m = {profile.shortest_m:g}"
@@ -202,6 +204,30 @@ def _profile(parts: Parts) -> Iterator[Fault]:
             f"received {limit.sd_limit_mm:g}; it must exceed profile.sd_mm = {profile.sd_mm:g}"
         )
         yield Fault("limit.sd_limit_mm", message)
+
+
+def _record(profile: ProfileTable) -> Iterator[Fault]:
+    """A record's keys need a record; D1 fixes the band; the spectrum's keys need a spectrum."""
+    record = profile.record
+    if profile.file is None:
+        if record is not None:
+            yield Fault("profile.record", "has no meaning without profile.file; leave it out")
+        return
+    for key in ("spectrum", "fra_class"):
+        if key in profile.model_fields_set and getattr(profile, key) != (
+            ProfileTable.model_fields[key].default
+        ):
+            yield Fault(f"profile.{key}", "has no meaning with profile.file; leave it out")
+    if record is None:
+        return
+    if record.filter == "en13848_d1" and (profile.shortest_m, profile.longest_m) != D1:
+        yield Fault(
+            "profile.record.filter",
+            f"received 'en13848_d1' with the band {profile.shortest_m:g} to {profile.longest_m:g} m; "
+            f"D1 is shortest_m = {D1[0]:g}, longest_m = {D1[1]:g}",
+        )
+    if record.run is not None and record.run_column is None:
+        yield Fault("profile.record.run", "names a run; say which column does: run_column")
 
 
 def _economics(parts: Parts) -> Iterator[Fault]:

@@ -131,9 +131,41 @@ class TrackTable(Table):
         return self.preset or ("beam" if self.model == "beam" else "case_study")
 
 
-class ProfileTable(Table):
-    """``[profile]``: the random track irregularity before traffic."""
+FileName = Annotated[str, Field(min_length=1, max_length=500)]
+Column = Annotated[str, Field(min_length=1, max_length=100)]
 
+
+class RecordTable(Table):
+    """``[profile.record]``: how the measured record is written, and what is taken of it."""
+
+    chainage_column: Column = "chainage_m"
+    level_column: Column = "level_mm"
+    run_column: Column | None = None
+    chainage_unit: Literal["m", "km", "ft", "yd", "mi"] | None = None
+    level_unit: Literal["mm", "m", "cm", "in"] | None = None
+    positive: Literal["down", "up"] = "down"
+    separator: Literal["comma", "semicolon", "tab", "space"] = "comma"
+    decimal: Literal[".", ","] = "."
+    skip_rows: Annotated[int, Field(ge=0, le=10_000)] = 0
+    run: Column | None = None
+    repair: Annotated[
+        tuple[Literal["missing", "unordered", "repeated", "gaps", "spikes"], ...],
+        Field(max_length=5),
+    ] = ()
+    longest_gap_m: Annotated[u.Metres, Field(le=100)] = 5.0
+    filter: Literal["ideal", "butterworth", "en13848_d1"] = "ideal"
+    filter_order: Annotated[int, Field(ge=1, le=12)] = 4
+    ensemble: Literal["section", "phases", "sections"] = "section"
+    section: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+    noise_mm: Annotated[u.Millimetres, Field(le=10)] | None = None
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
+
+
+class ProfileTable(Table):
+    """``[profile]``: the track irregularity before traffic, random or measured."""
+
+    file: FileName | None = None
+    record: RecordTable | None = None
     spectrum: Literal["fra", "fra_one_corner", "german_low", "german_high"] = "fra"
     fra_class: Annotated[int, Field(ge=1, le=6)] = 6
     sd_mm: Annotated[u.Millimetres, Field(le=50)] | None = None

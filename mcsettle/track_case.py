@@ -2,7 +2,7 @@
 
 Variants that differ in Step B alone have one and the same track.
 
-Depends on: irregularity, step_a, study, track, traffic, transfer, units, views.
+Depends on: irregularity, sections, step_a, study, track, traffic, transfer, units, views.
 """
 
 from collections.abc import Callable
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcsettle.irregularity import Spectrum, default_section, sample_profiles, spectrum
+from mcsettle.sections import sections_spectrum
 from mcsettle.step_a import (
     Progress,
     Softened,
@@ -80,6 +81,11 @@ class TrackCase:
     @property
     def spectrum(self) -> Spectrum:
         """Spectrum of the study's profile."""
+        record = self.study.record()
+        if record is not None:
+            return sections_spectrum(
+                record.sections.amplitudes, self.wavenumbers, self.study.profile.window_m
+            )
         return spectrum(self.study.profile.spectrum, self.study.profile.fra_class)
 
     @property
@@ -94,6 +100,8 @@ class TrackCase:
         profile = self.study.profile
         name = profile.spectrum.replace("_", " ").replace("fra", "FRA").replace("german", "German")
         number = f" class {profile.fra_class}" if profile.spectrum.startswith("fra") else ""
+        if profile.file is not None:
+            name, number = f"{profile.file},", ""
         scaled = "unscaled" if profile.sd_mm is None else f"scaled to SD {profile.sd_mm:g} mm"
         return f"{name}{number} spectrum, {scaled}"
 

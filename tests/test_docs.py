@@ -28,6 +28,7 @@ HEADINGS: dict[str, type[schema.Table]] = {
     "`[track.layers.NAME]`": schema.LayerTable,
     "`[track.softening]`": schema.SofteningTable,
     "`[profile]`": schema.ProfileTable,
+    "`[profile.record]`": schema.RecordTable,
     "`[settlement]`": schema.SettlementTable,
     "`[limit]`": schema.LimitTable,
     "`[run]`": schema.RunTable,

@@ -23,6 +23,12 @@ LAYERS = (
         "files",
         "tables",
         "distributions",
+        "record",
+        "filters",
+        "sections",
+        "measured",
+        "inputs",
+        "profile_report",
     ),
     (
         "transfer",
