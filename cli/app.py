@@ -3,8 +3,8 @@
 Everything heavy is imported inside the command that needs it, so that ``--help`` stays quick.
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
 
-Depends on: cli.edge, typer; inside the commands: doctor, errors, pipeline, study, summary, tornado,
-track_pictures, track_report, validate, cli.batches, cli.checks, cli.fitting, cli.record, cli.spread,
+Depends on: cli.edge, typer; inside the commands: doctor, errors, life, pipeline, study, summary, tornado,
+track_pictures, track_report, validate, cli.batches, cli.checks, cli.fitting, cli.maintenance, cli.record, cli.spread,
 cli.views.
 """
 
@@ -206,6 +206,31 @@ def calibrate(
         factor_for_observations(loaded, scenario, observations, variant)
     elif median_days is not None:
         factor_for_median(loaded, scenario, median_days, variant)
+
+
+@app.command()
+@plainly
+def life(
+    study: StudyFile,
+    out: Annotated[Path | None, typer.Option(help="Folder for tables (Parquet).")] = None,
+    realisations: Annotated[int | None, typer.Option(min=1, help="Tracks to follow.")] = None,
+    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Tamp a study's tracks again and again to renewal; present and marginal cost beside Eq. (4)."""
+    from mcsettle.study import load_study
+
+    loaded = load_study(study)
+    if out is not None:
+        checked_folder(out)
+    for warning in loaded.warnings:
+        talk(f"warning: {warning}")
+    from mcsettle.cli.maintenance import life_json, life_lines, write_lives
+    from mcsettle.life import lives
+
+    found = lives(loaded, realisations, Progress(), cores())
+    typer.echo(life_json(found) if json_output else "\n".join(life_lines(found)))
+    if out is not None:
+        write_lives(found, out)
 
 
 @app.command()

@@ -1,6 +1,6 @@
 """The clock of Step B: which cycles N each passage meets, by day and by update.
 
-Depends on: case, settlement.
+Depends on: case, settlement, track.
 """
 
 from dataclasses import dataclass
@@ -9,10 +9,14 @@ import numpy as np
 
 from mcsettle.case import Case
 from mcsettle.settlement import cycle_increment, cycle_rate
+from mcsettle.track import BallastLaw
 
 
-def cycles_at(case: Case, day: np.ndarray) -> np.ndarray:
+def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
     """Cycles N [E, …] of each service's groups at fractional ``day``, day-averaged.
+
+    ``ground_days``: days of this traffic that all but the ballast have had before day 0, since a
+    tamping renews the ballast's count alone.
 
     A service meets the N of the middle of its block in the day: its offset from the middle of the day's
     count keeps the order of the timetable to second order in a day's share of N.
@@ -25,7 +29,8 @@ def cycles_at(case: Case, day: np.ndarray) -> np.ndarray:
         offset = counted[:s].sum() + 0.5 * own - 0.5 * counted.sum()
         for law in model.group_laws:
             before = model.cycles_before(law)
-            gone = model.cycles_per_passage * (counted.sum() * day + offset)
+            since = day if isinstance(law, BallastLaw) else day + ground_days
+            gone = model.cycles_per_passage * (counted.sum() * since + offset)
             rows.append(np.maximum(before + gone, before))
     return np.stack(rows)
 
@@ -37,7 +42,7 @@ def counted_with(case: Case, service: int) -> np.ndarray:
     return np.array([shared or train == trains[service] for train in trains])
 
 
-def daily_weights(case: Case, day: np.ndarray) -> np.ndarray:
+def daily_weights(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
     """Growth of the cycle functions per day, [R, E], of each service's groups at ``day`` [R].
 
     Includes ``settlement_factor``; multiplies a form summed over the axles of one train.
@@ -45,7 +50,7 @@ def daily_weights(case: Case, day: np.ndarray) -> np.ndarray:
     model = case.model
     laws = model.group_laws * len(case.timetable.services)
     daily = np.repeat([s.per_day for s in case.timetable.services], len(model.group_laws))
-    cycles = cycles_at(case, day)
+    cycles = cycles_at(case, day, ground_days)
     rates = [cycle_rate(law, n) * d for law, n, d in zip(laws, cycles, daily, strict=True)]
     return np.stack(rates, axis=1) * (model.settlement_factor * model.cycles_per_passage)
 

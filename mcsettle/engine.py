@@ -87,6 +87,7 @@ class Engine:
         sample_days: np.ndarray,
         factor: np.ndarray | None = None,
         tick: Callable[[float], None] | None = None,
+        ground_days: np.ndarray | None = None,
     ) -> Outcome:
         """Run realisations until they reach the limit or the horizon.
 
@@ -96,6 +97,8 @@ class Engine:
         sample_days : [H] rising days at which the SD is recorded
         factor : [R] multiplies ``settlement_factor`` (cycle jump only); default 1
         tick : called with the day reached (not by the cycle jump)
+        ground_days : [R] days of this traffic that sub-ballast and ground have had before day 0, while
+            the ballast begins anew (cycle jump only); default 0
 
         Returns
         -------
@@ -104,10 +107,13 @@ class Engine:
         days = np.asarray(sample_days, dtype=float)
         if self.law is not None:
             return cycle_jump(
-                self.case, amplitudes, days, self.law, self.measure, self.tolerance, factor
+                self.case, amplitudes, days, self.law, self.measure, self.tolerance, factor,
+                ground_days,
+            )  # fmt: skip
+        if factor is not None or ground_days is not None or self.loads is None:
+            raise ValueError(
+                "a factor or days of the ground for each realisation need stepping 'cycle_jump'"
             )
-        if factor is not None or self.loads is None:
-            raise ValueError("a factor for each realisation needs stepping 'cycle_jump'")
         return march(self.case, amplitudes, days, self.loads, self.measure, tick)
 
 

@@ -30,6 +30,7 @@ def cycle_jump(
     measure: Roughness,
     tolerance: float,
     factor: np.ndarray | None = None,
+    ground_days: np.ndarray | None = None,
 ) -> Outcome:
     """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``).
 
@@ -40,9 +41,14 @@ def cycle_jump(
     scale = before / (model.cycles_per_passage * case.timetable.passages_per_day)
     factors = np.ones(len(amplitudes)) if factor is None else np.asarray(factor, dtype=float)
 
+    before_tamping = np.zeros(len(amplitudes)) if ground_days is None else ground_days
+
     def rate(time: np.ndarray, state: np.ndarray, rows: np.ndarray) -> np.ndarray:
         day = scale * np.expm1(time)
-        weights = daily_weights(case, day) * (factors[rows] * (day + scale))[:, None]
+        weights = (
+            daily_weights(case, day, before_tamping[rows])
+            * (factors[rows] * (day + scale))[:, None]
+        )
         change, uniform = growth(state[:, :-1], weights)
         return np.concatenate([change, uniform[:, None]], axis=1)
 
@@ -53,7 +59,9 @@ def cycle_jump(
     day = scale * np.expm1(path.time)
     if len(case.timetable.services) > 1 and path.reached.any():
         at = np.flatnonzero(path.reached)
-        day[at] = _in_timetable_order(case, growth, path.state[at, :-1], day[at], measure)
+        day[at] = _in_timetable_order(
+            case, growth, path.state[at, :-1], day[at], measure, before_tamping[at]
+        )
     return Outcome(
         reached=path.reached,
         failed=path.failed,
@@ -69,7 +77,12 @@ def cycle_jump(
 
 
 def _in_timetable_order(
-    case: Case, growth: Growth, amplitudes: np.ndarray, day: np.ndarray, measure: Roughness
+    case: Case,
+    growth: Growth,
+    amplitudes: np.ndarray,
+    day: np.ndarray,
+    measure: Roughness,
+    ground_days: np.ndarray,
 ) -> np.ndarray:
     """Day-averaged crossing days [A] as days of the ordered timetable.
 
@@ -79,7 +92,7 @@ def _in_timetable_order(
     """
     services = case.timetable.services
     n_groups = len(case.model.group_laws)
-    weights, embedded = daily_weights(case, day), measure.embed(amplitudes)
+    weights, embedded = daily_weights(case, day, ground_days), measure.embed(amplitudes)
     shares = []
     for s in range(len(services)):
         own = np.zeros_like(weights)

@@ -42,6 +42,7 @@ from mcsettle.study_schema import (
     CalibrationTable,
     EconomicsTable,
     LimitTable,
+    MaintenanceTable,
     Name,
     ProfileTable,
     RecordTable,
@@ -68,7 +69,7 @@ from mcsettle.units import DAYS_PER_YEAR, MGT
 
 SCHEMA_VERSION = 1
 PARAMETER_SETS = 64  # of a study with uncertain inputs that does not say how many
-_NO_EFFECT_ON_RESULTS = {"title", "reference", "calibration", "files_outside"}
+_NO_EFFECT_ON_RESULTS = {"title", "reference", "calibration", "maintenance", "files_outside"}
 
 
 class Study(Table):
@@ -83,6 +84,7 @@ class Study(Table):
     limit: LimitTable
     run: RunTable = RunTable()
     economics: EconomicsTable | None = None
+    maintenance: MaintenanceTable | None = None
     train_tables: dict[Name, TrainTable] = Field(alias="trains", min_length=1, max_length=50)
     scenarios: Annotated[tuple[ScenarioTable, ...], Field(min_length=1, max_length=200)]
     variants: Annotated[tuple[VariantTable, ...], Field(min_length=1, max_length=50)] = (
@@ -412,6 +414,7 @@ def _parts(study: Study) -> Parts:
         economics=study.economics,
         calibration=study.calibration,
         run=study.run,
+        maintenance=study.maintenance,
         trains=study.train_tables,
         train_names=tuple(study.train_tables),
         scenario_names=study.scenario_names,

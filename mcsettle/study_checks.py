@@ -18,6 +18,7 @@ from mcsettle.study_schema import (
     EconomicsTable,
     LayerTable,
     LimitTable,
+    MaintenanceTable,
     ProfileTable,
     ReferenceTable,
     RunTable,
@@ -45,6 +46,7 @@ class Parts:
     economics: EconomicsTable | None = None
     calibration: CalibrationTable | None = None
     run: RunTable | None = None
+    maintenance: MaintenanceTable | None = None
     trains: Mapping[str, TrainTable] = field(default_factory=dict)
     train_names: tuple[str, ...] = ()
     scenario_names: tuple[str, ...] = ()
@@ -56,7 +58,7 @@ class Parts:
 
 def faults_between(parts: Parts) -> list[Fault]:
     """Every fault that shows only when tables are read together."""
-    checks = (_names, _geometry, _trains, _profile, _economics, _speeds, _stepping)
+    checks = (_names, _geometry, _trains, _profile, _economics, _maintenance, _speeds, _stepping)
     return [fault for check in checks for fault in check(parts)]
 
 
@@ -253,6 +255,28 @@ def _economics(parts: Parts) -> Iterator[Fault]:
         if base is not None and name != economics.baseline and value == base[1]:
             message = f"has the same {economics.effect} as the baseline '{economics.baseline}': "
             yield Fault(path, message + f"there is no effect of {economics.effect} to price")
+
+
+def _maintenance(parts: Parts) -> Iterator[Fault]:
+    """What a recovery says together with the limit, and that it is followed by cycle jumps."""
+    table, limit = parts.maintenance, parts.limit
+    if table is None:
+        return
+    numbers = {"intercept_mm": table.intercept_mm, "slope": table.slope}
+    for key, value in numbers.items():
+        if (value is None) == (table.recovery == "linear"):
+            said = "is missing" if value is None else "has no meaning"
+            yield Fault(f"maintenance.{key}", f"{said} with recovery = '{table.recovery}'")
+    if table.recovery == "linear" and limit is not None and None not in numbers.values():
+        after = (table.intercept_mm or 0.0) + (table.slope or 0.0) * limit.sd_limit_mm
+        if after >= limit.sd_limit_mm:
+            yield Fault(
+                "maintenance.intercept_mm",
+                f"with slope {table.slope:g} a tamping at {limit.sd_limit_mm:g} mm leaves {after:g} mm; "
+                "it must leave less than the limit",
+            )
+    if parts.run is not None and parts.run.stepping != "cycle_jump":
+        yield Fault("maintenance", "takes [run] stepping = 'cycle_jump'")
 
 
 def _tonnage(scenario: ScenarioTable, parts: Parts) -> float:

@@ -14,6 +14,7 @@ from mcsettle.study_schema import (
     CalibrationTable,
     EconomicsTable,
     LimitTable,
+    MaintenanceTable,
     ProfileTable,
     ReferenceTable,
     ScenarioTable,
@@ -30,6 +31,7 @@ _SINGLE: Mapping[str, type[Table]] = {
     "limit": LimitTable,
     "economics": EconomicsTable,
     "calibration": CalibrationTable,
+    "maintenance": MaintenanceTable,
 }
 _OPTIONAL = ("track", "profile")
 _MANY: Mapping[str, type[Table]] = {

@@ -232,6 +232,22 @@ class EconomicsTable(Table):
     mgt_per_day: Positive | None = None
 
 
+class MaintenanceTable(Table):
+    """``[maintenance]``: what a tamping leaves, again and again, to renewal."""
+
+    recovery: Literal["perfect", "linear"]
+    intercept_mm: Annotated[float, u.quantity("mm"), Field(ge=0, le=50)] | None = None
+    slope: Annotated[float, Field(ge=0, lt=1)] | None = None
+    scatter_mm: Annotated[float, u.quantity("mm"), Field(ge=0, le=10)] = 0.0
+    floor_mm: Annotated[u.Millimetres, Field(le=50)] = 0.1
+    shape: Literal["scaled", "initial", "redrawn"] = "scaled"
+    damage_per_tamping: Annotated[float, Field(ge=0, le=10)] = 0.0
+    ballast_cycles_after: Cycles | None = None
+    ground_renewed: bool = False
+    cycles: Annotated[int, Field(ge=1, le=200)] = 20
+    renewal_years: Annotated[u.Years, Field(le=200)] | None = None
+
+
 class TrainTable(Table):
     """``[trains.<name>]``: a named vehicle, how many of them, and what differs from it."""
 

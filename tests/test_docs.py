@@ -33,6 +33,7 @@ HEADINGS: dict[str, type[schema.Table]] = {
     "`[limit]`": schema.LimitTable,
     "`[run]`": schema.RunTable,
     "`[economics]`": schema.EconomicsTable,
+    "`[maintenance]`": schema.MaintenanceTable,
     "`[trains.NAME]`": schema.TrainTable,
     "`[[scenarios]]`": schema.ScenarioTable,
     "Services of a timetable": schema.ServiceTable,

@@ -47,6 +47,7 @@ LAYERS = (
         "interaction",
         "speed_effect",
         "economics",
+        "maintenance",
         "estimate",
         "nested",
         "line",
@@ -72,7 +73,7 @@ LAYERS = (
     ("study",),
     ("draws", "step_a", "scene", "summary_spread", "summary", "summary_table", "rows"),
     ("track_case", "track_report", "track_pictures", "pipeline", "doctor"),
-    ("calibration", "inference", "tornado", "stopping"),
+    ("calibration", "inference", "tornado", "stopping", "life"),
     ("cli",),
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
