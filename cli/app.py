@@ -3,9 +3,9 @@
 Everything heavy is imported inside the command that needs it, so that ``--help`` stays quick.
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
 
-Depends on: cli.edge, typer; inside the commands: doctor, errors, life, pipeline, study, summary, tornado,
-track_pictures, track_report, validate, cli.batches, cli.checks, cli.fitting, cli.maintenance, cli.record, cli.spread,
-cli.views.
+Depends on: cli.edge, typer; inside the commands: doctor, errors, life, pipeline, study, summary,
+tornado, track_pictures, track_report, validate, cli.batches, cli.checks, cli.fitting,
+cli.maintenance, cli.record, cli.spread, cli.views.
 """
 
 from pathlib import Path

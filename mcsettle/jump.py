@@ -45,10 +45,8 @@ def cycle_jump(
 
     def rate(time: np.ndarray, state: np.ndarray, rows: np.ndarray) -> np.ndarray:
         day = scale * np.expm1(time)
-        weights = (
-            daily_weights(case, day, before_tamping[rows])
-            * (factors[rows] * (day + scale))[:, None]
-        )
+        daily = daily_weights(case, day, before_tamping[rows])
+        weights = daily * (factors[rows] * (day + scale))[:, None]
         change, uniform = growth(state[:, :-1], weights)
         return np.concatenate([change, uniform[:, None]], axis=1)
 
