@@ -3,9 +3,9 @@
 Everything heavy is imported inside the command that needs it, so that ``--help`` stays quick.
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
 
-Depends on: cli.edge, typer; inside the commands: doctor, errors, life, pipeline, study, summary,
-tornado, track_pictures, track_report, validate, cli.batches, cli.checks, cli.fitting,
-cli.maintenance, cli.record, cli.spread, cli.views.
+Depends on: cli.edge, typer; inside the commands: doctor, errors, life, study, summary, tornado,
+track_pictures, track_report, validate, cli.checks, cli.fitting, cli.maintenance, cli.record,
+cli.runs, cli.spread, cli.views.
 """
 
 from pathlib import Path
@@ -15,13 +15,15 @@ import typer
 
 from mcsettle.cli.edge import (
     FAILED,
-    MISSED,
-    PARTIAL,
     Progress,
     checked_folder,
+    checked_out,
     cores,
+    heed_termination,
     plainly,
     talk,
+    together,
+    with_cache,
 )
 
 app = typer.Typer(
@@ -35,7 +37,10 @@ app = typer.Typer(
 )
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its URL.")]
+TakeOver = Annotated[
+    bool, typer.Option("--take-over", help="Take away locks that other hosts have left there.")
+]
 Threads = Annotated[int | None, typer.Option(min=1, help="Threads (default: all cores).")]
 
 
@@ -95,7 +100,7 @@ def schema() -> None:
 @plainly
 def run(
     study: StudyFile,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    out: Annotated[str, typer.Option(help="Folder for the results, or its URL (s3, gs, abfs).")],
     realisations: Annotated[int | None, typer.Option(min=1, help="Tracks to simulate.")] = None,
     parameter_sets: Annotated[
         int | None, typer.Option(min=1, help="Draws of the uncertain inputs.")
@@ -113,12 +118,25 @@ def run(
     max_minutes: Annotated[
         float | None, typer.Option(min=0.0, help="Begin no batch that would end later.")
     ] = None,
+    shards: Annotated[
+        str | None, typer.Option(metavar="I/N", help="Compute this part alone, such as 17/64.")
+    ] = None,
+    shard_size: Annotated[
+        int | None, typer.Option(min=1, help="Realisations of a shard (default: 2048).")
+    ] = None,
+    take_over: TakeOver = False,
+    cache: Annotated[
+        str | None, typer.Option(help="Folder or URL of what Step A has computed.")
+    ] = None,
 ) -> None:
     """Run a study: every scenario and variant, results as Parquet in a folder."""
+    from mcsettle.cli import runs
     from mcsettle.study import load_study
 
+    with_cache(cache)
     loaded = load_study(study)
-    checked_folder(out)
+    checked_out(out)
+    together(shards, until, max_minutes)
     for warning in loaded.warnings:
         talk(f"warning: {warning}")
     options: dict[str, Any] = {
@@ -128,27 +146,34 @@ def run(
         "threads": threads,
         "batch": batch,
         "exact": exact,
+        "shard_size": shard_size,
+        "take_over": take_over,
         "progress": Progress(),
         "processes": cores(),
     }
-    missed = False
-    if until is None and max_minutes is None:
-        from mcsettle.pipeline import run_study
+    runs.run(loaded, out, options, until, max_minutes, shards)
 
-        finished = run_study(loaded, out, **options)
-    else:
-        from mcsettle.cli.batches import run_in_batches
 
-        finished, missed = run_in_batches(loaded, out, until, max_minutes, options)
-    for remark in getattr(finished, "remarks", ()):
-        talk(f"remark: {remark}")
-    talk(f"Results in {out}. Next: mcsettle summarise {out}")
-    failed = getattr(finished, "n_failed", 0)
-    if failed:
-        talk(f"{failed} realisations failed; their rows say why.")
-        raise typer.Exit(PARTIAL)
-    if missed:
-        raise typer.Exit(MISSED)
+@app.command()
+@plainly
+def status(
+    folder: Folder,
+    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Say what a results folder holds: shards there, missing and damaged, and who is at work."""
+    from mcsettle.cli import runs
+
+    found = runs.status(str(folder))
+    typer.echo(runs.status_json(found) if json_output else "\n".join(runs.status_lines(found)))
+
+
+@app.command()
+@plainly
+def gather(folder: Folder, take_over: TakeOver = False) -> None:
+    """Check that every shard of a run made in parts is there, and close it: effects, summary."""
+    from mcsettle.cli import runs
+
+    runs.gather(str(folder), take_over)
 
 
 @app.command()
@@ -394,4 +419,5 @@ def doctor(
 
 def main() -> None:
     """Entry point of the ``mcsettle`` command."""
+    heed_termination()
     app()

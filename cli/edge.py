@@ -4,11 +4,13 @@ Results go to stdout, talk to stderr. Exit codes: 0 done, 1 a check or a computa
 or bad input, 3 done with failed realisations, 5 precision target missed, 130
 interrupted.
 
-Depends on: errors, typer.
+Depends on: errors, files, typer.
 """
 
+import contextlib
 import functools
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -18,6 +20,7 @@ from typing import ParamSpec, TypeVar
 import typer
 
 from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
+from mcsettle.files import is_url
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -37,6 +40,16 @@ def talk(message: str) -> None:
 def cores() -> int:
     """Cores this process may use."""
     return len(os.sched_getaffinity(0))
+
+
+def heed_termination() -> None:
+    """Let SIGTERM, as batch systems send it, end a command like Ctrl-C."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with contextlib.suppress(ValueError):  # not the main thread: somebody else's program
+        signal.signal(signal.SIGTERM, interrupt)
 
 
 def plainly(command: Callable[P, R]) -> Callable[P, R]:
@@ -77,6 +90,36 @@ def checked_folder(path: Path) -> Path:
     if not os.access(parent, os.W_OK | os.X_OK):
         raise InputError(f"--out {path}: no permission to write in {parent}; name another folder")
     return path
+
+
+def checked_out(out: str) -> None:
+    """Refuse an ``--out`` that no run can write to; a URL is tried when it is first written to.
+
+    Raises
+    ------
+    InputError
+        As ``checked_folder``.
+    """
+    if not is_url(out):
+        checked_folder(Path(out))
+
+
+def with_cache(cache: str | None) -> None:
+    """Use the folder or URL ``cache`` for what Step A computes, here and in spawned processes."""
+    if cache is not None:
+        os.environ["MCSETTLE_CACHE"] = cache
+
+
+def together(shards: str | None, until: str | None, max_minutes: float | None) -> None:
+    """Refuse options that contradict one another.
+
+    Raises
+    ------
+    InputError
+        A part of a run cannot know when the whole is precise enough.
+    """
+    if shards is not None and (until is not None or max_minutes is not None):
+        raise InputError("--shards goes with neither --until nor --max-minutes; leave them out")
 
 
 class Progress:

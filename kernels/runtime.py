@@ -21,6 +21,8 @@ import taichi as ti
 from mcsettle.errors import InputError
 from mcsettle.files import cache_folder
 
+STALE_LOCK = 60.0  # s
+
 _started: dict[str, object] = {}
 
 
@@ -77,11 +79,28 @@ def cache_name() -> str:
 
 
 def _kernel_folder() -> Path:
-    """Folder of compiled kernels: per user, per version of these sources; temporary if unwritable."""
+    """Folder of compiled kernels: per user, per version of these sources; temporary if unwritable.
+
+    ``MCSETTLE_KERNELS`` names another one: processes that start by the hundred do not share.
+    """
+    own = os.environ.get("MCSETTLE_KERNELS")
     try:
-        folder = cache_folder() / cache_name()
-        folder.mkdir(exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
+        folder = (Path(own) if own else cache_folder()) / cache_name()
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=".probe-") as probe:
+            remove_stale_locks(folder, os.fstat(probe.fileno()).st_mtime)
+        return folder
     except (InputError, OSError):
         return Path(tempfile.mkdtemp(prefix="mcsettle-taichi-"))
+
+
+def remove_stale_locks(folder: Path, now: float) -> None:
+    """Remove locks of compiled kernels that a killed process has left: every later start would wait.
+
+    Taichi holds them for milliseconds, so one that is a minute older than ``now`` [s], by the file
+    system's own clock, or younger, belongs to nobody.
+    """
+    for path in folder.glob("*.lock"):
+        with contextlib.suppress(OSError):
+            if abs(now - path.stat().st_mtime) > STALE_LOCK:
+                path.unlink()

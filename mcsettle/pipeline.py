@@ -1,81 +1,64 @@
-"""The chain: study → transfer functions → engine → tables. Run a study, or one scenario of it.
+"""The chain: study → transfer functions → engine → tables. Run a study, or one slice of it.
 
 Realisations are cut into shards of fixed index ranges, one set of shards for each variant, scenario
-and parameter set; each shard is one atomic file per table, so an interrupted run goes on where it
-stopped and the tables do not depend on batches, threads or pauses.
+and parameter set; each shard is written whole or not at all, so an interrupted run goes on where it
+stopped and the tables do not depend on batches, threads, slices or pauses.
 
-Parameter sets cost what they touch: sets that differ in money alone share the rows of Step B, and
-Step A is computed once for all sets that agree on what it depends on.
-
-Depends on: draws, economics, engine, errors, rows, scene, step_a, store, study, summary,
-summary_table.
+Depends on: closing, draws, errors, lock, place, scene, shards, step_a, step_b, store, study, summary.
 """
 
-import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-import pandas as pd
 
 import mcsettle
-from mcsettle import economics, engine, rows, store
-from mcsettle.case import Case
+from mcsettle import lock, store
+from mcsettle.closing import close, count_failed, held_shards, refuse_smaller
 from mcsettle.draws import ParameterSet, all_sets
 from mcsettle.errors import InputError
-from mcsettle.scene import build_case, initial_profiles, sample_days, step_b_key
+from mcsettle.ledger import read_record
+from mcsettle.place import Place, Where, place
+from mcsettle.scene import build_case, initial_profiles, sample_days
+from mcsettle.shards import Shard, Slice, all_shards, slice_of
 from mcsettle.step_a import Progress, Shelf, StepA, step_a
+from mcsettle.step_b import Job, compute
 from mcsettle.study import Study, resolved_toml
-from mcsettle.summary import STUDY_FILE, read_results, summary_rows
-from mcsettle.summary_table import summary_columns
+from mcsettle.summary import STUDY_FILE, study_of
 
 __all__ = ["Finished", "build_case", "initial_profiles", "run_study", "sample_days"]
 
-SHARD = 2048
-CHECKED_REALISATIONS = 4
-CHECKED_SETS = 4
-SHARDED = ("realisations", "history", "effects")
+SHARD = store.SHARD
 
 
 @dataclass(frozen=True)
 class Finished:
-    """A finished run: its folder, how many rows failed, and the remarks to pass on."""
+    """A finished run, or slice: its folder, how many of its rows failed, the remarks to pass on.
+
+    ``closed``: the whole run is complete; a slice leaves that to ``closing.gather``.
+    """
 
     folder: Path
     n_failed: int
     remarks: tuple[str, ...]
+    closed: bool = True
+    n_shards: int = 0
+    n_computed: int = 0
 
 
-@dataclass
-class _Job:
-    """What the parts of one run share."""
+@dataclass(frozen=True)
+class Prepared:
+    """What a run knows before its first shard."""
 
-    study: Study
-    out: Path
-    provenance: store.Provenance
-    ranges: list[range]
-    threads: int | None
-    batch: int | None
-    progress: Progress | None
-    remarks: list[str] = field(default_factory=list)
-
-    def shard(self, member: ParameterSet, variant: str, scenario: str, indices: range) -> str:
-        """File name of a shard."""
-        own = member.index if self.study.uncertain else None
-        return store.shard_name(variant, scenario, indices.start, indices.stop - 1, own)
-
-    def write(self, table: str, name: str, columns: dict[str, Any], indices: range) -> None:
-        """Write one shard."""
-        store.write(
-            self.out, table, name, columns, self.provenance, indices.start, indices.stop - 1
-        )
+    job: Job
+    members: list[ParameterSet]
+    central: StepA
+    shelf: Shelf | None
+    todo: list[Shard]
+    shards: list[Shard]
 
 
 def run_study(
     study: Study,
-    out: Path | str,
+    out: Where,
     realisations: int | None = None,
     seed: int | None = None,
     threads: int | None = None,
@@ -84,252 +67,129 @@ def run_study(
     progress: Progress | None = None,
     processes: int = 1,
     parameter_sets: int | None = None,
+    shards: Slice | None = None,
+    shard_size: int | None = None,
+    take_over: bool = False,
 ) -> Finished:
     """Run every variant and scenario of ``study`` into the folder ``out``; resumes what is there.
 
     Parameters
     ----------
     study : Study
-    out : folder of the results (a path or its text)
+    out : folder of the results (a path or its text), or the URL of one in an object store
     realisations, seed, parameter_sets : replace the study's own
     threads : Taichi threads (None: all cores)
     batch : realisations advanced at a time; changes memory and speed, not results
     exact : update after every axle passage, whatever the study's stepping
     progress : called as progress(stage, done, total)
     processes : spawned for Step A (more than 1 needs a main guard in the calling program)
+    shards : compute this slice alone and leave the run open (``closing.gather`` closes it)
+    shard_size : realisations of a shard (None: as the folder has it, else 2048)
+    take_over : take away locks that processes of other hosts have left
 
     Raises
     ------
     InputError
-        A parameter set the study would refuse; the folder cannot be written or holds results of
-        something else.
+        A parameter set the study would refuse; the folder cannot be written, holds results of
+        something else, or another run is at work there.
     """
-    from mcsettle.kernels import runtime
-
-    out = Path(out)
     study = study.with_run(realisations, seed, "every_axle" if exact else None, parameter_sets)
-    members = all_sets(study)
-    shelf = Shelf.of(study) if study.uncertain else None
-    prepared = step_a(study, progress, processes, shelf)
-    runtime.start(threads)  # before anything starts it with other threads
-    ranges = list(_ranges(study.run.realisations))
-    job = _Job(study, out, _provenance(study, prepared), ranges, threads, batch, progress)
-    _refuse_smaller(out, study)
-    store.prepare(out, job.provenance)
-    store.write_text(out, STUDY_FILE, resolved_toml(study))
-    _step_b(job, members, prepared, shelf, processes)
-    _drop_superseded(job, members)  # first: the effects pair rows of one run only
-    _write_parameters(job, members)
-    _write_effects(job, members)
-    _write_summary(job)
-    store.finish(out)
-    held = store.read(out, "realisations")
-    n_failed = int(np.sum(np.asarray(held["status"]) == "failed"))
-    return Finished(out, n_failed, tuple(job.remarks))
-
-
-def _step_b(
-    job: _Job,
-    members: list[ParameterSet],
-    central: StepA,
-    shelf: Shelf | None,
-    processes: int,
-) -> None:
-    """Write every missing shard of ``realisations`` and ``history``."""
-    twins: dict[tuple[str, str, str], ParameterSet] = {}
-    for member in members:
-        if job.progress is not None and len(members) > 1:
-            job.progress("Parameter sets", member.index, len(members))
-        prepared = None if job.study.uncertain else central
-        for variant in job.study.variant_names:
-            for scenario in job.study.scenario_names:
-                key = (variant, scenario, step_b_key(member.study, variant, scenario))
-                twin = twins.setdefault(key, member)
-                todo = [r for r in job.ranges if not _is_done(job, member, variant, scenario, r)]
-                if not todo:
-                    continue
-                if twin is not member:
-                    _copy(job, twin, member, variant, scenario, todo)
-                    continue
-                prepared = prepared or step_a(member.study, job.progress, processes, shelf)
-                case = build_case(member.study, prepared, variant, scenario)
-                _advance(job, member, variant, scenario, case, todo)
-
-
-def _advance(
-    job: _Job, member: ParameterSet, variant: str, scenario: str, case: Case, todo: list[range]
-) -> None:
-    """Compute the shards ``todo`` of one parameter set, variant and scenario."""
-    if member.index < CHECKED_SETS:
-        remark = _check_expansion(member, case, variant, scenario)
-        job.remarks += [remark] if remark else []
-    run = member.study.run
-    machine = engine.Engine(case, run.stepping, run.right_hand_side, threads=job.threads)
-    for indices in todo:
-        tables = _shard(job, member, machine, variant, scenario, indices)
-        name = job.shard(member, variant, scenario, indices)
-        for table, columns in tables.items():
-            job.write(table, name, columns, indices)
-
-
-def _copy(
-    job: _Job,
-    twin: ParameterSet,
-    member: ParameterSet,
-    variant: str,
-    scenario: str,
-    todo: list[range],
-) -> None:
-    """Shards of ``twin``, which has the same Step B, as those of ``member``."""
-    for indices in todo:
-        source = job.shard(twin, variant, scenario, indices)
-        target = job.shard(member, variant, scenario, indices)
-        for table in ("history", "realisations"):
-            columns = store.shard_columns(job.out / table / source)
-            n = len(columns["parameter_set"])
-            own = rows.input_columns(member, n) if table == "realisations" else {}
-            own["parameter_set"] = np.full(n, member.index, np.int32)
-            job.write(table, target, columns | own, indices)
-
-
-def _is_done(job: _Job, member: ParameterSet, variant: str, scenario: str, indices: range) -> bool:
-    """Whether a shard is on disk, whole: ``realisations`` is written last."""
-    name = job.shard(member, variant, scenario, indices)
-    history = store.shard_rows(job.out / "history" / name)
-    n = store.shard_rows(job.out / "realisations" / name)
-    return n == len(indices) and history is not None
-
-
-def _shard(
-    job: _Job,
-    member: ParameterSet,
-    machine: engine.Engine,
-    variant: str,
-    scenario: str,
-    indices: range,
-) -> dict[str, dict[str, Any]]:
-    """One shard: the columns of ``history`` and of ``realisations``, in that order.
-
-    What a smaller run has left of it is taken over.
-    """
-    text, horizon = f"Step B: {variant} {scenario}", int(machine.case.horizon)
-
-    def tick(day: float) -> None:
-        if job.progress is not None:
-            job.progress(text + ", day", min(int(day), horizon), horizon)
-
-    study = member.study
-    done, history, outcomes = _begun(job, member, variant, scenario, indices)
-    size = min(job.batch or SHARD, SHARD)
-    for first in range(done, indices.stop, size):
-        part = range(first, min(first + size, indices.stop))
-        outcome = machine.run(initial_profiles(study, part), sample_days(study), tick=tick)
-        outcomes.append(
-            rows.realisation_columns(member, variant, scenario, part, machine.case, outcome)
-        )
-        history.append(rows.history_columns(member, variant, scenario, part, outcome))
-        if job.progress is not None and not job.study.uncertain:
-            job.progress(text, part.stop, study.run.realisations)
-    return {"history": rows.joined(history), "realisations": rows.joined(outcomes)}
-
-
-def _begun(
-    job: _Job, member: ParameterSet, variant: str, scenario: str, indices: range
-) -> tuple[int, list[dict[str, Any]], list[dict[str, Any]]]:
-    """Where a shard has to go on, and the columns that a smaller run has left of it."""
-    stem = job.shard(member, variant, scenario, indices).rsplit("-", 1)[0]
-    best, found = indices.start, ""
-    for path in (job.out / "realisations").glob(f"{stem}-*.parquet"):
-        stop = int(path.stem.rsplit("-", 1)[1]) + 1
-        sound = store.shard_rows(path) == stop - indices.start
-        sound = sound and store.shard_rows(job.out / "history" / path.name) is not None
-        if sound and best < stop < indices.stop:
-            best, found = stop, path.name
-    if not found:
-        return best, [], []
-    history = store.shard_columns(job.out / "history" / found)
-    return best, [history], [store.shard_columns(job.out / "realisations" / found)]
-
-
-def _write_parameters(job: _Job, members: list[ParameterSet]) -> None:
-    """The table ``parameters`` of a study with uncertain inputs."""
-    if not job.study.uncertain:
-        return
-    name = f"sets-000000-{len(members) - 1:06d}.parquet"
-    columns = rows.parameter_columns(members)
-    job.write("parameters", name, columns, range(job.study.run.realisations))
-    for path in (job.out / "parameters").glob("*.parquet"):
-        if path.name != name:
-            path.unlink()
-
-
-def _write_effects(job: _Job, members: list[ParameterSet]) -> None:
-    """Pair every scenario with the baseline, realisation by realisation."""
-    if job.study.economics is None:
-        return
-    frame = store.read(job.out, "realisations").to_pandas()
-    own = ["variant", "parameter_set", "scenario"]
-    parts = {key: g.sort_values("realisation") for key, g in frame.groupby(own)}
-    for variant in job.study.variant_names:
-        for member in members:
-            for scenario in job.study.scenario_names:
-                effects = _effects(member, variant, scenario, parts)
-                if effects is None:
-                    continue
-                for indices in job.ranges:
-                    columns = rows.effect_columns(member, variant, scenario, indices, effects)
-                    name = job.shard(member, variant, scenario, indices)
-                    job.write("effects", name, columns, indices)
-
-
-def _effects(
-    member: ParameterSet,
-    variant: str,
-    scenario: str,
-    parts: dict[Any, pd.DataFrame],
-) -> economics.Effects | None:
-    table, change = member.study.priced, member.study.change(scenario)
-    if table is None or change is None:
-        return None
-    base = parts[variant, member.index, table.baseline]
-    other = parts[variant, member.index, scenario]
-    return economics.paired_effects(
-        base["tamping_interval_days"].to_numpy(float),
-        other["tamping_interval_days"].to_numpy(float),
-        base["censored_at_days"].to_numpy(float),
-        other["censored_at_days"].to_numpy(float),
-        change,
-        table.tamping_cost_gbp_per_track_km,
-        table.discount_rate,
+    at = place(out)
+    role = "run" if shards is None else f"shards {shards}"
+    refuse_foreign(at, study)
+    with lock.held(at, role, take_over):
+        ready = prepare(study, at, threads, batch, progress, processes, shards, shard_size)
+        job = ready.job
+        compute(job, ready.members, ready.todo, ready.central, ready.shelf, processes)
+        if shards is None:
+            close(at, study, ready.members, job.provenance)
+            n_failed = count_failed(at)
+        else:
+            records = (read_record(at, s.name, job.provenance) for s in ready.shards)
+            n_failed = sum(found.n_failed for found in records if found is not None)
+    return Finished(
+        Path(str(out)),
+        n_failed,
+        tuple(dict.fromkeys(job.remarks)),
+        shards is None,
+        len(ready.shards),
+        len(ready.todo),
     )
 
 
-def _write_summary(job: _Job) -> None:
-    """The table ``summary``: every number of the summary with its error."""
-    results = read_results(job.out)
-    columns = summary_columns(summary_rows(results))
-    if len(columns["variant"]):
-        job.write("summary", "summary.parquet", columns, range(job.study.run.realisations))
+def prepare(
+    study: Study,
+    at: Place,
+    threads: int | None = None,
+    batch: int | None = None,
+    progress: Progress | None = None,
+    processes: int = 1,
+    part: Slice | None = None,
+    shard_size: int | None = None,
+) -> Prepared:
+    """Do Step A, make the folder ready and find what is left to compute.
+
+    Raises
+    ------
+    InputError
+        As ``run_study``.
+    """
+    from mcsettle.kernels import runtime
+
+    members = all_sets(study)
+    held = store.provenance_of(at)
+    size = shard_size or (SHARD if held is None else held.shard_realisations)
+    shards = slice_of(all_shards(study, size), part)
+    shelf = Shelf.of(study) if study.uncertain else None
+    central = step_a(study, progress, processes, shelf)
+    runtime.start(threads)  # before anything starts it with other threads
+    provenance = _provenance(study, central, size)
+    store.same_study(at, provenance)
+    job = Job(study, at, provenance, threads, batch, progress, held=held_shards(at))
+    refuse_smaller(at, job.held, study)
+    todo = [shard for shard in shards if not (shard.name in job.held and job.is_whole(shard))]
+    store.prepare(at, provenance, finished=part is not None and not todo)
+    _write_study(at, study, part)
+    return Prepared(job, members, central, shelf, todo, shards)
 
 
-def _check_expansion(member: ParameterSet, case: Case, variant: str, scenario: str) -> str | None:
-    """Compare the second-order form with every x and depth on fixed indices; a remark if it is off."""
-    study = member.study
-    if study.run.right_hand_side != "spectral":
-        return None
-    n = min(CHECKED_REALISATIONS, study.run.realisations)
-    profiles = initial_profiles(study, range(n))
-    rough = engine.expansion_error(case, profiles)
-    if rough > 3e-3:
-        where = f", parameter set {member.index}" if member.values else ""
-        return (
-            f"{variant} {scenario}{where}: the second-order form is off by {rough:.1%} of the "
-            'growth; set [run] right_hand_side = "pointwise"'
+def refuse_foreign(at: Place, study: Study) -> None:
+    """Refuse a folder of another study or seed, before anything is computed or written.
+
+    Raises
+    ------
+    InputError
+        The message names the differences.
+    """
+    held = store.provenance_of(at)
+    if held is not None:
+        store.refuse_difference(
+            {"study_digest": held.study_digest, "seed": held.seed},
+            {"study_digest": study.digest, "seed": study.seed},
+            f"'{at}'",
+            "give another folder",
         )
-    return None
 
 
-def _provenance(study: Study, prepared: StepA) -> store.Provenance:
+def _write_study(at: Place, study: Study, part: Slice | None) -> None:
+    """The study beside its results; slices that run side by side have to agree on it."""
+    text = resolved_toml(study)
+    try:
+        held = at.text(STUDY_FILE, store.LARGEST_TEXT)
+    except FileNotFoundError:
+        held = ""
+    if part is not None and held:
+        n, asked = study_of(at).run.realisations, study.run.realisations
+        if n > asked:
+            raise InputError(
+                f"'{at}' is a run of {n} realisations and this slice one of {asked}; "
+                "give every slice the same numbers"
+            )
+    if text != held:
+        at.write(STUDY_FILE, text.encode())
+
+
+def _provenance(study: Study, prepared: StepA, size: int) -> store.Provenance:
     from mcsettle.kernels import runtime, spectral
 
     return store.Provenance(
@@ -340,40 +200,5 @@ def _provenance(study: Study, prepared: StepA) -> store.Provenance:
         taichi_version=runtime.version(),
         precision="f64",
         lanes=spectral.LANES,
+        shard_realisations=size,
     )
-
-
-def _ranges(n: int) -> Iterator[range]:
-    for first in range(0, n, SHARD):
-        yield range(first, min(n, first + SHARD))
-
-
-def _refuse_smaller(out: Path, study: Study) -> None:
-    """Refuse a folder that already holds more than is asked for."""
-    names = [path.stem for path in (out / "realisations").glob("*.parquet")]
-    held = [int(name.rsplit("-", 1)[-1]) + 1 for name in names]
-    sets = [int(found[1]) + 1 for name in names if (found := re.search(r"--set(\d+)--", name))]
-    for kind, n, asked in (
-        ("realisations", max(held, default=0), study.run.realisations),
-        ("parameter sets", max(sets, default=0), study.n_sets),
-    ):
-        if n > asked:
-            raise InputError(
-                f"'{out}' holds {n} {kind} and {asked} are asked for; "
-                "ask for at least as many, or give another folder"
-            )
-
-
-def _drop_superseded(job: _Job, members: list[ParameterSet]) -> None:
-    """Remove shards of an earlier, smaller run that the shards of this one contain."""
-    wanted = {
-        job.shard(member, v, s, r)
-        for member in members
-        for v in job.study.variant_names
-        for s in job.study.scenario_names
-        for r in job.ranges
-    }
-    for table in SHARDED:
-        for path in (job.out / table).glob("*.parquet"):
-            if path.name not in wanted:
-                path.unlink()

@@ -1,6 +1,6 @@
 """Columns of the result tables from what the engine returned.
 
-Depends on: case, draws, economics, key_paths, scene, study, units.
+Depends on: case, draws, economics, key_paths, scene, study, traffic, units.
 """
 
 from typing import Any
@@ -8,23 +8,29 @@ from typing import Any
 import numpy as np
 
 from mcsettle import economics
-from mcsettle.case import Case, Outcome
+from mcsettle.case import Outcome
 from mcsettle.draws import ParameterSet
 from mcsettle.key_paths import input_column, unit_of
 from mcsettle.scene import sample_days
 from mcsettle.study import Study
+from mcsettle.traffic import Timetable
 from mcsettle.units import DAYS_PER_YEAR, MGT, MM
 
 FAILURE = "the profile overflowed or the step collapsed"
 
 
 def realisation_columns(
-    member: ParameterSet, variant: str, scenario: str, indices: range, case: Case, outcome: Outcome
+    member: ParameterSet,
+    variant: str,
+    scenario: str,
+    indices: range,
+    timetable: Timetable,
+    outcome: Outcome,
 ) -> dict[str, Any]:
     """Columns of the ``realisations`` table for one batch, the drawn inputs last."""
     study, n = member.study, len(outcome.days)
     reached, failed = outcome.reached, outcome.failed
-    days_run = outcome.passages / case.timetable.passages_per_day
+    days_run = outcome.passages / timetable.passages_per_day
     horizon = np.where(reached | failed, np.nan, study.limit.horizon_days)
     columns = {
         "variant": [variant] * n,
@@ -35,7 +41,7 @@ def realisation_columns(
         "tamping_interval_days": nullable(outcome.days),
         "censored_at_days": nullable(horizon),
         "passages": outcome.passages,
-        "tonnage_mgt": days_run * case.timetable.mass_per_day / MGT,
+        "tonnage_mgt": days_run * timetable.mass_per_day / MGT,
         "sd_initial_mm": outcome.sd_initial / MM,
         "sd_final_mm": outcome.sd_final / MM,
         "mean_settlement_mm": outcome.mean_settlement / MM,

@@ -3,19 +3,20 @@
 Every batch is a run of its own with more realisations in the same folder, so the folder is that of a
 plain run of the size reached, byte for byte, and goes on from there.
 
-Depends on: errors, estimate, pipeline, study, summary.
+Depends on: closing, errors, estimate, pipeline, place, study, summary.
 """
 
 import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from mcsettle.closing import held_shards
 from mcsettle.errors import InputError
 from mcsettle.estimate import LEVELS, Estimate
 from mcsettle.pipeline import Finished, run_study
+from mcsettle.place import Where, place
 from mcsettle.study import Study
 from mcsettle.summary import SummaryRow, read_results, summary_rows
 
@@ -127,7 +128,7 @@ def worst_error(rows: list[SummaryRow], target: Target) -> tuple[float | None, s
 
 def run_until(
     study: Study,
-    out: Path,
+    out: Where,
     target: Target | None,
     max_minutes: float | None = None,
     realisations: int | None = None,
@@ -171,7 +172,7 @@ def run_until(
         finished = run_study(study, out, realisations=size, **options)
 
 
-def _batch(out: Path, target: Target | None, seconds: float) -> Batch:
+def _batch(out: Where, target: Target | None, seconds: float) -> Batch:
     """What the batch that stands in ``out`` has reached."""
     results = read_results(out)
     n = results.study.run.realisations
@@ -197,7 +198,7 @@ def _sizes(held: int, cap: int) -> Iterator[int]:
     yield max(cap, held)
 
 
-def _held(out: Path) -> int:
+def _held(out: Where) -> int:
     """Realisations that a folder holds."""
-    names = (path.stem for path in (out / "realisations").glob("*.parquet"))
-    return max((int(name.rsplit("-", 1)[-1]) + 1 for name in names), default=0)
+    stems = (name.removesuffix(".parquet") for name in held_shards(place(out)))
+    return max((int(stem[-8:]) + 1 for stem in stems if stem[-8:].isdigit()), default=0)

@@ -37,7 +37,7 @@ from mcsettle.study_build import (
 )
 from mcsettle.study_checks import Parts, faults_between, warnings_of
 from mcsettle.study_faults import Fault, faults_of, refusal, suggestion
-from mcsettle.study_read import sound_parts, toml_data, with_tuples
+from mcsettle.study_read import parsed_toml, sound_parts, toml_data, with_tuples
 from mcsettle.study_schema import (
     CalibrationTable,
     EconomicsTable,
@@ -377,6 +377,17 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     """
     data = toml_data(Path(path))
     return Study.from_mapping(data, str(path), Path(path).absolute().parent)
+
+
+def study_from_text(text: bytes, origin: str, folder: Path | None = None) -> Study:
+    """The study in the bytes of a TOML file of ``folder``; ``origin`` names it in messages.
+
+    Raises
+    ------
+    InputError
+        It is no TOML, or has faults.
+    """
+    return Study.from_mapping(parsed_toml(text, origin), origin, folder)
 
 
 def resolved_toml(study: Study) -> str:

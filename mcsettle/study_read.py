@@ -1,6 +1,6 @@
 """Reading a study file: its bytes, its TOML, and those of its tables that are sound.
 
-Depends on: errors, study_checks, study_schema.
+Depends on: errors, files, study_checks, study_schema.
 """
 
 import tomllib
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mcsettle.errors import InputError
+from mcsettle.files import read_regular
 from mcsettle.study_checks import Parts
 from mcsettle.study_schema import (
     CalibrationTable,
@@ -25,6 +26,8 @@ from mcsettle.study_schema import (
 )
 
 LARGEST_FILE = 1_000_000  # bytes
+MOST_DOTS = 2500  # in one line
+DEEPEST = 12  # tables in one another; a study has half as many
 _SINGLE: Mapping[str, type[Table]] = {
     "track": TrackTable,
     "profile": ProfileTable,
@@ -50,12 +53,30 @@ def toml_data(path: Path) -> dict[str, Any]:
     InputError
         The file cannot be read, is too large, or is no TOML.
     """
-    text = _file_text(path)
+    return parsed_toml(_file_bytes(path), str(path))
+
+
+def parsed_toml(data: bytes, origin: str) -> dict[str, Any]:
+    """The nested mappings and lists of the bytes of a TOML file; ``origin`` names it in messages.
+
+    Raises
+    ------
+    InputError
+        They are no UTF-8, no TOML, too many, or nested deeper than any study.
+    """
+    if len(data) > LARGEST_FILE:
+        raise InputError(f"{origin} has {len(data)} bytes; a study has at most {LARGEST_FILE}")
     try:
-        return tomllib.loads(text)
+        text = data.decode("utf-8")
+        _refuse_long_keys(text)
+        found = tomllib.loads(text)
+        _refuse_deep(found)
+    except UnicodeDecodeError as error:
+        raise InputError(f"{origin} is not UTF-8 text (byte {error.start})") from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise InputError(f"{path} is not valid TOML: {reason}") from None
+        raise InputError(f"{origin} is not valid TOML: {reason}") from None
+    return found
 
 
 def with_tuples(value: Any) -> Any:
@@ -95,18 +116,34 @@ def _entries(data: Mapping[str, Any], name: str) -> Mapping[Any, Any]:
     return dict(enumerate(value)) if isinstance(value, tuple) and name != "trains" else {}
 
 
-def _file_text(path: Path) -> str:
+def _refuse_long_keys(text: str) -> None:
+    """Refuse dotted keys whose parsing would take minutes (the parser is quadratic in their parts)."""
+    if any(line.count(".") > MOST_DOTS for line in text.splitlines()):
+        raise ValueError(f"a line has more than {MOST_DOTS} dots")
+
+
+def _refuse_deep(data: dict[str, Any]) -> None:
+    """Refuse tables nested deeper than any study has them."""
+    level: list[Any] = [data]
+    for _ in range(DEEPEST):
+        inner = [
+            v for value in level for v in (value.values() if isinstance(value, dict) else value)
+        ]
+        level = [value for value in inner if isinstance(value, dict | list)]
+    if level:
+        raise ValueError(f"nested too deeply: more than {DEEPEST} tables in one another")
+
+
+def _file_bytes(path: Path) -> bytes:
     try:
-        size = path.stat().st_size
         if path.is_dir():
             raise InputError(f"{path} is a folder; a study is one TOML file")
+        size = path.stat().st_size
         if size > LARGEST_FILE:
             raise InputError(f"{path} has {size} bytes; a study has at most {LARGEST_FILE}")
-        return path.read_bytes()[: LARGEST_FILE + 1].decode("utf-8")
+        return read_regular(path, LARGEST_FILE)
     except FileNotFoundError:
         raise InputError(f"{path} does not exist; 'mcsettle init' writes a study") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text (byte {error.start})") from None
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise

@@ -4,12 +4,11 @@ Every number is an ``Estimate`` with its Monte Carlo error and its censored coun
 between realisations (P5 to P95) is what differs between track sections and, in a study with uncertain
 inputs, between parameter sets; the standard error is what a larger sample would shrink.
 
-Depends on: errors, estimate, key_paths, nested, store, study, study_schema, summary_spread.
+Depends on: errors, estimate, key_paths, nested, place, store, study, study_schema, summary_spread.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,7 +18,8 @@ from mcsettle.errors import InputError
 from mcsettle.estimate import Estimate, Statistic, summarise_effects, summarise_intervals
 from mcsettle.key_paths import input_column
 from mcsettle.nested import crossed_bounded, crossed_effects, crossed_intervals
-from mcsettle.study import Study, load_study
+from mcsettle.place import Folder, Place, Where, place
+from mcsettle.study import Study, study_from_text
 from mcsettle.study_schema import ReferenceTable
 from mcsettle.summary_spread import effect_spread, interval_spread, matrix
 
@@ -61,25 +61,46 @@ class SummaryRow:
         return next(s.estimate for s in self.statistics if s.level == level)
 
 
-def read_results(folder: Path | str) -> Results:
-    """Read the tables that a run has left in ``folder``.
+def read_results(folder: Where, finished: bool = True) -> Results:
+    """Read the tables that a run has left in ``folder`` (a path or a URL).
+
+    A run that is not finished is refused, unless ``finished`` is False.
 
     Raises
     ------
     InputError
-        The folder does not exist, or holds no finished run.
+        The folder does not exist, holds no finished run, or a file of it is damaged or missing.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder} is no folder; 'mcsettle run STUDY --out {folder}' makes one")
-    realisations = _table(folder, "realisations")
-    if realisations.empty or not (folder / STUDY_FILE).is_file():
+    at = place(folder)
+    if not at.exists():
+        raise InputError(f"{at} is no folder; 'mcsettle run STUDY --out {at}' makes one")
+    names = set(at.names())
+    if STUDY_FILE not in names or not any(name.startswith("realisations/") for name in names):
         raise InputError(
-            f"{folder} holds no finished run (realisations/ and {STUDY_FILE}); "
-            f"'mcsettle run STUDY --out {folder}' makes one"
+            f"{at} holds no finished run (realisations/ and {STUDY_FILE}); "
+            f"'mcsettle run STUDY --out {at}' makes one"
         )
-    study = load_study(folder / STUDY_FILE)
-    return Results(study, realisations, _table(folder, "history"), _table(folder, "effects"))
+    if finished and store.MANIFEST not in names:
+        raise InputError(
+            f"{at} holds a run that is not finished; 'mcsettle status {at}' says what is missing, "
+            "and the same run command goes on with it"
+        )
+    tables = (_table(at, name, names) for name in ("realisations", "history", "effects"))
+    return Results(study_of(at), *tables)
+
+
+def study_of(folder: Where) -> Study:
+    """The study that a results folder is of.
+
+    Raises
+    ------
+    InputError
+        There is none, or it cannot be read.
+    """
+    at = place(folder)
+    text = store.read_file(at, STUDY_FILE)
+    own = at.path.absolute() if isinstance(at, Folder) else None
+    return study_from_text(text, f"{at}/{STUDY_FILE}", own)
 
 
 def summary_rows(results: Results) -> list[SummaryRow]:
@@ -209,9 +230,9 @@ def _part(table: pd.DataFrame, variant: str, scenario: str) -> pd.DataFrame:
     return table[(table["variant"] == variant) & (table["scenario"] == scenario)]
 
 
-def _table(folder: Path, name: str) -> pd.DataFrame:
+def _table(at: Place, name: str, names: set[str]) -> pd.DataFrame:
     """The table ``name`` of a run, empty where it was not written."""
-    if not (folder / name).is_dir() or not any((folder / name).iterdir()):
+    if not any(held.startswith(f"{name}/") for held in names) and not store.lists(at, name):
         return pd.DataFrame()
-    table: pd.DataFrame = store.read(folder, name).to_pandas()
+    table: pd.DataFrame = store.read(at, name).to_pandas()
     return table

@@ -195,6 +195,8 @@ def test_run_hands_its_options_on(tmp_path: Path, pipeline: SimpleNamespace) -> 
     assert options.pop("progress") is not None
     assert options.pop("processes") >= 1
     assert options.pop("parameter_sets") is None
+    assert options.pop("shard_size") is None
+    assert options.pop("take_over") is False
     assert options == {"realisations": 5, "seed": 3, "threads": 2, "batch": 4, "exact": True}
     assert done.stdout == ""
     assert "look here" in done.stderr

@@ -5,7 +5,7 @@ import pytest
 import toy
 from test_pipeline import everything, table
 
-from mcsettle import pipeline, step_a, store
+from mcsettle import pipeline, step_a, step_b, store
 from mcsettle.draws import all_sets
 from mcsettle.engine import Engine
 from mcsettle.errors import InputError
@@ -79,7 +79,7 @@ def counted(monkeypatch):
     for key, owner, name in (
         ("precompute", step_a, "precompute"),
         ("response", step_a, "beam_response"),
-        ("engine", pipeline.engine, "Engine"),
+        ("engine", step_b.engine, "Engine"),
     ):
         kept = getattr(owner, name)
 
@@ -190,14 +190,14 @@ def test_resuming_and_growing_change_no_byte(study, finished, tmp_path, small_sh
 def test_growing_goes_on_from_the_rows_that_are_there(study, tmp_path, monkeypatch):
     run_study(study, tmp_path, realisations=3)
     asked = []
-    kept = pipeline.initial_profiles
+    kept = step_b.initial_profiles
 
     def profiles(study, indices):
         asked.append(indices)
         return kept(study, indices)
 
-    monkeypatch.setattr(pipeline, "initial_profiles", profiles)
-    monkeypatch.setattr(pipeline, "CHECKED_SETS", 0)
+    monkeypatch.setattr(step_b, "initial_profiles", profiles)
+    monkeypatch.setattr(step_b, "CHECKED_SETS", 0)
     run_study(study, tmp_path)
     assert set(asked) == {range(3, N)}
 

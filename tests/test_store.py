@@ -160,8 +160,8 @@ def test_damaged_file_is_named(folder):
     for check in (store.verify, lambda f: store.read(f, "realisations"), store.finish):
         with pytest.raises(InputError, match=r"base--B--00000010-00000014.*damaged"):
             check(folder)
-    assert store.shard_rows(path) is None
-    assert store.shard_rows(path.with_name(store.shard_name("base", "A", 0, 9))) == 10
+    assert store.shard_rows(folder, "realisations", path.name) is None
+    assert store.shard_rows(folder, "realisations", store.shard_name("base", "A", 0, 9)) == 10
 
 
 def test_missing_and_stray_files_are_named(folder):
@@ -179,6 +179,7 @@ def test_missing_and_stray_files_are_named(folder):
 
 
 def test_overlapping_shards_are_refused(folder):
+    store.prepare(folder, PROVENANCE)
     write_shard(folder, 5, 9)
     with pytest.raises(InputError, match="its shards overlap"):
         store.read(folder, "realisations")
@@ -194,6 +195,7 @@ def test_another_study_is_refused_with_the_difference(folder):
 def test_shard_of_another_study_is_refused(folder):
     other = store.Provenance(**{**vars(PROVENANCE), "transfer_digest": "ef"})
     name = store.shard_name("base", "C", 0, 4)
+    store.prepare(folder, PROVENANCE)
     store.write(folder, "realisations", name, realisations(0, 4, "C"), other, 0, 4)
     with pytest.raises(InputError, match=r"base--C.*transfer digest ef"):
         store.read(folder, "realisations")

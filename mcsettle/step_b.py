@@ -1,0 +1,239 @@
+"""Step B of a run: compute the shards that are missing, batch by batch, and write each of them whole.
+
+Parameter sets cost what they touch: sets that differ in money alone share the rows of Step B, and
+Step A is computed once for all sets that agree on what it depends on.
+
+Depends on: case, draws, engine, errors, place, ledger, roughness, rows, scene, shards, step_a, store,
+study.
+"""
+
+import contextlib
+import json
+import os
+import socket
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from mcsettle import engine, ledger, rows, store
+from mcsettle.case import Case, Outcome
+from mcsettle.draws import ParameterSet
+from mcsettle.errors import NumericalError
+from mcsettle.place import Folder, Place
+from mcsettle.roughness import roughness
+from mcsettle.scene import build_case, initial_profiles, sample_days, step_b_key
+from mcsettle.shards import Shard
+from mcsettle.step_a import Progress, Shelf, StepA, step_a, study_wavenumbers
+from mcsettle.study import Study
+
+BATCH = 2048  # realisations at a time, unless a run says otherwise
+CHECKED_REALISATIONS = 4
+CHECKED_SETS = 4
+LOGS = ".log"
+
+
+@dataclass
+class Job:
+    """What the parts of one run share. ``held``: names of the shards that have a record."""
+
+    study: Study
+    at: Place
+    provenance: store.Provenance
+    threads: int | None = None
+    batch: int | None = None
+    progress: Progress | None = None
+    remarks: list[str] = field(default_factory=list)
+    held: set[str] = field(default_factory=set)
+
+    def is_whole(self, shard: Shard) -> bool:
+        """Whether a shard is there, whole."""
+        return ledger.is_whole(self.at, shard.name, self.provenance, len(shard.indices))
+
+    def write(self, shard: Shard, tables: dict[str, dict[str, Any]], failure: str = "") -> None:
+        """Write a shard and its record."""
+        ledger.write_shard(self.at, shard.name, tables, self.provenance, shard.indices, failure)
+
+    def log(self, event: str, shard: Shard, **more: Any) -> None:
+        """A line in this process's log: what the bytes of the results must not depend on."""
+        if not isinstance(self.at, Folder):
+            return
+        line = {"event": event, "shard": shard.name, **more}
+        path = self.at.path / LOGS / f"{socket.gethostname()}-{os.getpid()}.jsonl"
+        with contextlib.suppress(OSError):  # the log is a courtesy
+            path.parent.mkdir(exist_ok=True)
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+
+
+def compute(
+    job: Job,
+    members: list[ParameterSet],
+    todo: list[Shard],
+    central: StepA,
+    shelf: Shelf | None,
+    processes: int,
+) -> None:
+    """Write the shards ``todo``."""
+    twins = _twins(job.study, members)
+    prepared, of = central, -1
+    for (index, variant, scenario), part in groupby(todo, key=lambda shard: shard.group):
+        member = members[index]
+        if job.progress is not None and len(members) > 1:
+            job.progress("Parameter sets", index, len(members))
+        twin = twins[index, variant, scenario]
+        left = [s for s in part if twin == index or not _copy(job, member, twin, s)]
+        if not left:
+            continue
+        if job.study.uncertain and of != index:
+            prepared, of = step_a(member.study, job.progress, processes, shelf), index
+        case = build_case(member.study, prepared, variant, scenario)
+        advance(job, member, case, left)
+
+
+def _twins(study: Study, members: list[ParameterSet]) -> dict[tuple[int, str, str], int]:
+    """For every parameter set, variant and scenario the first set with the same Step B."""
+    first: dict[tuple[str, str, str], int] = {}
+    found = {}
+    for member in members:
+        for variant in study.variant_names:
+            for scenario in study.scenario_names:
+                key = (variant, scenario, step_b_key(member.study, variant, scenario))
+                found[member.index, variant, scenario] = first.setdefault(key, member.index)
+    return found
+
+
+def _copy(job: Job, member: ParameterSet, twin: int, shard: Shard) -> bool:
+    """Take over the rows of the set ``twin``, which has the same Step B, if they are there."""
+    source = Shard(twin, shard.variant, shard.scenario, shard.first, shard.last, shard.nested)
+    if not job.is_whole(source):
+        return False
+    tables = {}
+    for table in ledger.SHARDED:
+        columns = store.shard_columns(job.at, table, source.name)
+        n = len(columns["parameter_set"])
+        own = rows.input_columns(member, n) if table == "realisations" else {}
+        own["parameter_set"] = np.full(n, member.index, np.int32)
+        tables[table] = columns | own
+    job.write(shard, tables)
+    return True
+
+
+def advance(job: Job, member: ParameterSet, case: Case, todo: Iterable[Shard]) -> None:
+    """Compute shards of one parameter set, variant and scenario."""
+    run, machine = member.study.run, None
+    for shard in todo:
+        if machine is None:
+            job.remarks += (
+                _check_expansion(member, case, shard) if member.index < CHECKED_SETS else []
+            )
+            machine = engine.Engine(case, run.stepping, run.right_hand_side, threads=job.threads)
+        started = time.monotonic()
+        job.log("begun", shard)
+        job.write(shard, _tables(job, member, machine, shard))
+        spent = time.monotonic() - started
+        job.log("done", shard, seconds=round(spent, 3), threads=job.threads, batch=job.batch)
+
+
+def _tables(
+    job: Job, member: ParameterSet, machine: engine.Engine, shard: Shard
+) -> dict[str, dict[str, Any]]:
+    """One shard: the columns of ``history`` and of ``realisations``.
+
+    What a smaller run has left of it is taken over.
+    """
+    study = member.study
+    done, history, outcomes = _begun(job, shard)
+    while done < shard.indices.stop:
+        part, outcome = _batch(job, member, machine, shard, done)
+        own = member, shard.variant, shard.scenario, part
+        outcomes.append(rows.realisation_columns(*own, machine.case.timetable, outcome))
+        history.append(rows.history_columns(*own, outcome))
+        done = part.stop
+        if job.progress is not None and not job.study.uncertain:
+            text = f"Step B: {shard.variant} {shard.scenario}"
+            job.progress(text, part.stop, study.run.realisations)
+    return {"history": rows.joined(history), "realisations": rows.joined(outcomes)}
+
+
+def _batch(
+    job: Job, member: ParameterSet, machine: engine.Engine, shard: Shard, first: int
+) -> tuple[range, Outcome]:
+    """Advance the next batch; where memory does not suffice, once, a quarter of it from then on."""
+    study, horizon = member.study, int(machine.case.horizon)
+
+    def tick(day: float) -> None:
+        if job.progress is not None:
+            text = f"Step B: {shard.variant} {shard.scenario}, day"
+            job.progress(text, min(int(day), horizon), horizon)
+
+    for last_try in (False, True):
+        part = range(first, min(first + (job.batch or BATCH), shard.indices.stop))
+        try:
+            outcome = machine.run(initial_profiles(study, part), sample_days(study), tick=tick)
+            return part, outcome
+        except MemoryError:
+            smaller = max(1, len(part) // 4)
+            if last_try or len(part) == 1:
+                raise NumericalError(
+                    f"{len(part)} realisations at a time do not fit into the memory; free some, or "
+                    f"give --batch {smaller}"
+                ) from None
+            job.batch = smaller
+            job.remarks.append(
+                f"{len(part)} realisations at a time did not fit into the memory; went on with "
+                f"{smaller} (--batch {smaller})"
+            )
+    raise AssertionError("unreachable")
+
+
+def _begun(job: Job, shard: Shard) -> tuple[int, list[dict[str, Any]], list[dict[str, Any]]]:
+    """Where a shard has to go on, and the columns that a smaller run has left of it."""
+    stem = shard.name.rsplit("-", 1)[0]
+    smaller = [name for name in job.held if name.startswith(stem + "-")]
+    for name in sorted(smaller, reverse=True):
+        stop = int(name.removesuffix(".parquet").rsplit("-", 1)[1]) + 1
+        n = stop - shard.first
+        if stop < shard.indices.stop and ledger.is_whole(job.at, name, job.provenance, n):
+            history = store.shard_columns(job.at, "history", name)
+            return stop, [history], [store.shard_columns(job.at, "realisations", name)]
+    return shard.first, [], []
+
+
+def _check_expansion(member: ParameterSet, case: Case, shard: Shard) -> list[str]:
+    """Compare the second-order form with every x and depth on fixed indices; a remark if it is off."""
+    study = member.study
+    if study.run.right_hand_side != "spectral":
+        return []
+    n = min(CHECKED_REALISATIONS, study.run.realisations)
+    rough = engine.expansion_error(case, initial_profiles(study, range(n)))
+    if rough <= 3e-3:
+        return []
+    where = f", parameter set {member.index}" if member.values else ""
+    return [
+        f"{shard.variant} {shard.scenario}{where}: the second-order form is off by {rough:.1%} of "
+        'the growth; set [run] right_hand_side = "pointwise"'
+    ]
+
+
+def failed_tables(member: ParameterSet, shard: Shard, reason: str) -> dict[str, dict[str, Any]]:
+    """The rows of a shard that cannot be computed: every realisation failed, with the reason.
+
+    Their initial profiles are known, so their SD at the start is; nothing else is.
+    """
+    study, n = member.study, len(shard.indices)
+    profiles = initial_profiles(study, shard.indices)
+    sd = roughness(study_wavenumbers(study), study.profile.window_m).sd(profiles)
+    history = np.full((n, len(sample_days(study))), np.nan)
+    history[:, 0] = sd
+    none, nowhere = np.zeros(n), np.full(n, np.nan)
+    no, yes = np.zeros(n, bool), np.ones(n, bool)
+    count = np.zeros(n, np.int64)
+    outcome = Outcome(no, yes, nowhere, count, sd, sd, none, profiles, history, count)
+    own = member, shard.variant, shard.scenario, shard.indices
+    columns = rows.realisation_columns(*own, study.timetable(shard.scenario), outcome)
+    columns["failure"] = [reason] * n
+    return {"history": rows.history_columns(*own, outcome), "realisations": columns}
