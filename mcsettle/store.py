@@ -33,6 +33,7 @@ Values = Sequence[Any] | np.ndarray
 PROVENANCE = "provenance.json"
 MANIFEST = "manifest.json"
 DICTIONARY = "data_dictionary.csv"
+FORMAT = 1  # of the manifest
 SHARD = 2048  # realisations of a shard, unless a run says otherwise
 LARGEST_TEXT = 4_000_000  # bytes of a text file that is read
 LARGEST_MANIFEST = 1_000_000_000
@@ -344,7 +345,7 @@ def finish(folder: Where) -> None:
             entry["rows"] = _shard(data, f"{at}/{name}", name.split("/")[0], provenance).num_rows
         entry["sha256"] = hashlib.sha256(data).hexdigest()
         files.append(entry)
-    manifest = {"schema_version": 1, "provenance": asdict(provenance), "files": files}
+    manifest = {"schema_version": FORMAT, "provenance": asdict(provenance), "files": files}
     at.write(MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
     at.tidy()
 
@@ -388,10 +389,18 @@ def _listed(at: Place) -> dict[str, str] | None:
         data = read_json(at, MANIFEST, LARGEST_MANIFEST)
     except FileNotFoundError:
         return None
+    own = asdict(read_provenance(at))
     try:
+        if data["schema_version"] != FORMAT or data["provenance"] not in (own, _older(own)):
+            raise ValueError("it is of another run or version")
         return {str(entry["path"]): str(entry["sha256"]) for entry in data["files"]}
-    except (KeyError, TypeError) as error:
-        raise InputError(f"'{at}/{MANIFEST}' is damaged; resume the run") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"'{at}/{MANIFEST}' is damaged ({error}); resume the run") from error
+
+
+def _older(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """Provenance as it was written before shards had sizes."""
+    return {key: value for key, value in provenance.items() if key != "shard_realisations"}
 
 
 def _refuse_strays(at: Place, found: list[str], listed: list[str]) -> None:
