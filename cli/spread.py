@@ -159,13 +159,18 @@ def _print_lines(console: Any, rows: "list[SummaryRow]") -> None:
 
 
 def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:
-    """First-order indices, the largest first, one line a metric."""
+    """First-order and total indices, the largest first, a line of each for every metric."""
+    kinds = {"first_order_index": "first-order", "total_index": "total"}
     for row in rows:
-        found = [s for s in row.spread if s.statistic == "first_order_index"]
-        found.sort(key=lambda s: -(s.estimate.value or 0.0))
-        if found:
+        for kind, name in kinds.items():
+            found = [s for s in row.spread if s.statistic == kind]
+            found.sort(key=lambda s: -(s.estimate.value or 0.0))
+            if not found:
+                continue
             parts = ", ".join(_index(s) for s in found[:4])
-            yield f"{row.scenario} {row.metric}, first-order indices [%]: {parts}"
+            if all(s.estimate.value is None for s in found):
+                parts = f"not known ({found[0].estimate.note})"
+            yield f"{row.scenario} {row.metric}, {name} indices [%]: {parts}"
 
 
 def _index(statistic: "Statistic") -> str:

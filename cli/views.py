@@ -1,6 +1,6 @@
 """What the commands print: tables, JSON and one picture, from a study and its results alone.
 
-Depends on: estimate, study, summary, units, views, cli.spread, rich.
+Depends on: estimate, study, summary, units, views, cli.conditioned, cli.spread, rich.
 """
 
 import dataclasses
@@ -41,6 +41,8 @@ def study_lines(study: "Study") -> Iterator[str]:
 
 def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
     """Every number of the summary as JSON, standard errors and intervals included."""
+    from mcsettle.cli.conditioned import weights_json
+
     study = results.study
     keys = ["variant", "scenario", "status"]
     counts = results.realisations.groupby(keys).size().reset_index(name="n")
@@ -51,6 +53,7 @@ def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
         "counts": [
             {key: row[key] for key in keys} | {"n": int(row["n"])} for _, row in counts.iterrows()
         ],
+        "conditioning": list(weights_json(results)),
         "rows": [_json_row(row) for row in rows],
     }
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
@@ -61,6 +64,7 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from mcsettle.cli.conditioned import conditioned_cells, print_inputs
     from mcsettle.cli.spread import print_spread
 
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
@@ -77,9 +81,13 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
         previous = ""
         for row in own:
             table.add_row(*_cells(row, row.scenario != previous))
+            given = conditioned_cells(row)
+            if given is not None:
+                table.add_row(*given)
             previous = row.scenario
         console.print(table if own else f"{title}: no realisation has a result")
         print_spread(own)
+        print_inputs(results, variant.name)
     for line in _remarks(results):
         console.print(line, markup=False)
 
@@ -135,11 +143,19 @@ def _cells(row: "SummaryRow", first: bool) -> list[str]:
     error = middle.standard_error
     centre = _number(middle) + (f" ± {error:.2g}" if error and middle.value is not None else "")
     published = f"{row.reference.value:g}" if row.reference else ""
-    percent = f"P{row.reference_percent:.0f}" if row.reference_percent is not None else ""
+    percent = _percentile(row)
     counts = [str(middle.n), str(middle.n_censored)]
     name = row.scenario if first else ""
     low, high = _number(row.at(0.05)), _number(row.at(0.95))
     return [name, row.metric, row.unit, low, centre, high, *counts, published, percent]
+
+
+def _percentile(row: "SummaryRow") -> str:
+    """Where the published value falls, and in brackets where it might with what is not known."""
+    if row.reference_percent is None or row.reference_range is None:
+        return ""
+    low, high = (round(end) for end in row.reference_range)
+    return f"P{row.reference_percent:.0f}" + (f" ({low}–{high})" if low != high else "")
 
 
 def _number(estimate: "Estimate") -> str:
@@ -151,7 +167,10 @@ def _remarks(results: "Results") -> Iterator[str]:
         f"P5, P50, P95: spread between {_what_varies(results)}. ± s.e.: Monte Carlo error of "
         "the median. –: not reached, or not known for too many censored tracks."
     )
-    yield "at: percentile of our realisations at which the published value falls."
+    yield (
+        "at: percentile of our realisations at which the published value falls; in brackets what it may "
+        "be, censored pairs being unknown."
+    )
     sources = sorted({row.source for row in results.study.reference})
     if sources:
         yield f"published: {'; '.join(sources)}"
@@ -171,6 +190,7 @@ def _what_varies(results: "Results") -> str:
 
 
 def _json_row(row: "SummaryRow") -> dict[str, Any]:
+    from mcsettle.cli.conditioned import conditioned_json
     from mcsettle.cli.spread import spread_json
 
     reference = row.reference.model_dump() if row.reference else None
@@ -186,6 +206,9 @@ def _json_row(row: "SummaryRow") -> dict[str, Any]:
         "spread": spread_json(row),
         "reference": reference,
         "reference_percent": row.reference_percent,
+        "reference_range": row.reference_range,
+        "conditioned": conditioned_json(row),
+        "conditioned_percent": row.conditioned_percent,
     }
 
 

@@ -3,8 +3,8 @@
 ``survey`` looks at every shard; ``close`` wants all of them whole, writes the tables that follow from
 them and the manifest. Neither computes a realisation, so both work on a folder alone.
 
-Depends on: draws, economics, errors, lock, place, ledger, rows, shards, store, study, study_read,
-summary, summary_table.
+Depends on: draws, economics, errors, fits, ledger, lock, observed, place, rows, shards, store, study,
+study_read, summary, summary_table.
 """
 
 import re
@@ -18,6 +18,8 @@ import mcsettle
 from mcsettle import economics, ledger, lock, rows, store
 from mcsettle.draws import ParameterSet, all_sets
 from mcsettle.errors import InputError
+from mcsettle.fits import Fit, read_fits, with_fits
+from mcsettle.observed import Conditioning, conditioned
 from mcsettle.place import Place, Where, place
 from mcsettle.shards import Shard, all_shards, index_ranges
 from mcsettle.study import Study
@@ -161,17 +163,21 @@ def gather(folder: Where, take_over: bool = False) -> Survey:
 
 def close(
     at: Place, study: Study, members: list[ParameterSet], provenance: store.Provenance
-) -> None:
-    """Write the tables that follow from whole shards, and the manifest, last."""
+) -> list[str]:
+    """Write the tables that follow from whole shards, and the manifest, last; returns remarks."""
     at.remove(store.MANIFEST)
     at.sweep()
     shards = all_shards(study, provenance.shard_realisations)
     for name in _superseded(at, shards):  # first: the effects pair rows of one run only
         ledger.remove_shard(at, name)
+    fits = read_fits(at, study)
+    members = [with_fits(study, m, fits[m.index]) if m.index in fits else m for m in members]
     _write_parameters(at, study, members, provenance)
     _write_effects(at, study, members, provenance)
+    remarks = _write_weights(at, study, fits, provenance)
     _write_summary(at, study, provenance)
     store.finish(at)
+    return remarks
 
 
 def count_failed(at: Place) -> int:
@@ -248,6 +254,28 @@ def _write_parameters(
     for other in at.names("parameters"):
         if other != f"parameters/{name}":
             at.remove(other)
+
+
+def _write_weights(
+    at: Place, study: Study, fits: dict[int, dict[str, Fit]], provenance: store.Provenance
+) -> list[str]:
+    """The table ``weights`` of a study with observations; remarks on it."""
+    name = "weights.parquet"
+    at.remove(f"weights/{name}")
+    if not study.observed:
+        return []
+    results = read_results(at, finished=False)
+    found = []
+    for variant in study.variant_names:
+        if variant in study.fitted:
+            logs = np.array([fits[e][variant].log_evidence for e in range(study.n_sets)])
+            found.append(Conditioning(variant, logs))
+        else:
+            tables = (results.realisations, results.history)
+            found.append(conditioned(study, variant, *tables))
+    last = study.run.realisations - 1
+    store.write(at, "weights", name, rows.weight_columns(found), provenance, 0, last)
+    return [f"{one.variant}: {one.remark}" for one in found if one.remark]
 
 
 def _write_effects(

@@ -45,6 +45,11 @@ class Distribution:
         share = self.from_ + np.asarray(probability, dtype=float) * (self.to - self.from_)
         return np.asarray(self.frozen.ppf(share), dtype=float)
 
+    def share_below(self, value: np.ndarray | float) -> np.ndarray:
+        """Cumulative probability of the cut distribution at ``value``, any shape."""
+        share = np.asarray(self.frozen.cdf(value), dtype=float)
+        return np.asarray(np.clip((share - self.from_) / (self.to - self.from_), 0.0, 1.0))
+
     @property
     def ends(self) -> tuple[float, float]:
         """Lowest and highest value; of an endless side, the quantile at ``TAIL`` from its end."""
@@ -65,9 +70,9 @@ class _Discrete:
         index = np.searchsorted(self.cumulative * (1.0 - 1e-12), share, side="left")
         return np.asarray(self.values[np.minimum(index, len(self.values) - 1)])
 
-    def cdf(self, value: float) -> float:
-        below = self.cumulative[self.values <= value]
-        return float(below[-1]) if len(below) else 0.0
+    def cdf(self, value: np.ndarray | float) -> np.ndarray:
+        reached = np.append(0.0, self.cumulative)
+        return np.asarray(reached[np.searchsorted(self.values, value, side="right")])
 
 
 @dataclass(frozen=True)
@@ -81,9 +86,9 @@ class _LogUniform:
         between = self.low * (self.high / self.low) ** share
         return np.asarray(np.clip(between, self.low, self.high))
 
-    def cdf(self, value: float) -> float:
-        inside = min(max(value, self.low), self.high)
-        return float(np.log(inside / self.low) / np.log(self.high / self.low))
+    def cdf(self, value: np.ndarray | float) -> np.ndarray:
+        inside = np.clip(value, self.low, self.high)
+        return np.asarray(np.log(inside / self.low) / np.log(self.high / self.low))
 
 
 def distribution(

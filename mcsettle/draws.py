@@ -6,7 +6,7 @@ more sets leave the earlier ones as they are, and scenarios and variants share t
 Depends on: errors, study, study_uncertain.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,11 +20,15 @@ LARGEST_SEQUENCE = 2**20
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """One draw: ``values`` by key path (in the unit of the key), and the study that has them."""
+    """One draw: ``values`` by key path (in the unit of the key), and the study that has them.
+
+    ``shares`` are the cumulative probabilities drawn, by input.
+    """
 
     index: int
     values: dict[str, float]
     study: Study
+    shares: dict[str, float] = field(default_factory=dict)
 
 
 def unit_draws(study: Study, n_sets: int | None = None) -> np.ndarray:
@@ -47,7 +51,10 @@ def unit_draws(study: Study, n_sets: int | None = None) -> np.ndarray:
 
 def draws(study: Study, n_sets: int | None = None) -> np.ndarray:
     """Values [E, D] of the uncertain inputs, in the order of the file."""
-    shares = unit_draws(study, n_sets)
+    return _values(study, unit_draws(study, n_sets))
+
+
+def _values(study: Study, shares: np.ndarray) -> np.ndarray:
     columns = [entry.built().quantile(shares[:, d]) for d, entry in enumerate(study.uncertain)]
     return np.stack(columns, axis=1)
 
@@ -62,17 +69,21 @@ def all_sets(study: Study) -> list[ParameterSet]:
     """
     if not study.uncertain:
         return [ParameterSet(0, {}, study)]
-    return [_parameter_set(study, e, row) for e, row in enumerate(draws(study))]
+    shares = unit_draws(study)
+    pairs = zip(shares, _values(study, shares), strict=True)
+    return [_parameter_set(study, e, *pair) for e, pair in enumerate(pairs)]
 
 
-def _parameter_set(study: Study, index: int, row: np.ndarray) -> ParameterSet:
+def _parameter_set(study: Study, index: int, shares: np.ndarray, row: np.ndarray) -> ParameterSet:
+    names = [entry.input for entry in study.uncertain]
+    drawn = dict(zip(names, shares.tolist(), strict=True))
     values = {
         path: float(value)
         for entry, value in zip(study.uncertain, row, strict=True)
         for path in entry.paths
     }
     try:
-        return ParameterSet(index, values, study.with_inputs(values))
+        return ParameterSet(index, values, study.with_inputs(values), drawn)
     except InputError as error:
         reason = "\n".join(str(error).splitlines()[1:])
         raise InputError(

@@ -36,6 +36,7 @@ def line_means(
     section_m: float,
     lengths_km: tuple[float, ...] = LENGTHS_KM,
     seed: int = 0,
+    set_weights: np.ndarray | None = None,
 ) -> list[LineMean]:
     """Distribution of the mean of ``values`` over lines of several lengths.
 
@@ -47,6 +48,8 @@ def line_means(
         Length of one section: the window of the profile.
     lengths_km : lengths; each is rounded to whole sections, at least one
     seed : of the resampling
+    set_weights : ndarray, shape [E], optional
+        Relative weights of the parameter sets (default: all alike).
 
     Returns
     -------
@@ -54,7 +57,9 @@ def line_means(
         A line takes one parameter set and draws its sections from that set's realisations.
     """
     known = ~np.isnan(values)
-    whole = [row[ok] for row, ok in zip(values, known, strict=True) if np.any(ok)]
+    some = np.any(known, axis=1)
+    whole = [row[ok] for row, ok in zip(values[some], known[some], strict=True)]
+    weights = np.ones(len(values)) if set_weights is None else set_weights
     n, left_out = int(np.sum(known)), int(np.sum(~known))
     if not whole:
         return []
@@ -62,14 +67,23 @@ def line_means(
     for length in lengths_km:
         count = max(1, round(1000.0 * length / section_m))
         means = _means(whole, count, np.random.default_rng([seed, count]))
-        levels = tuple(float(q) for q in np.quantile(means, LEVELS))
+        levels = tuple(float(q) for q in _weighted_quantiles(means, weights[some]))
         rows.append(LineMean(length, count, levels, n, left_out))
     return rows
 
 
 def _means(whole: list[np.ndarray], count: int, rng: np.random.Generator) -> np.ndarray:
-    """Means of ``count`` sections each, drawn with replacement within one parameter set."""
+    """Means [E, n] of ``count`` sections each, drawn with replacement within one parameter set."""
     n_lines = max(200, min(LINES, LARGEST_DRAW // count))
     each = -(-n_lines // len(whole))
-    parts = [rng.choice(own, size=(each, count)).mean(axis=1) for own in whole]
-    return np.concatenate(parts)
+    return np.array([rng.choice(own, size=(each, count)).mean(axis=1) for own in whole])
+
+
+def _weighted_quantiles(means: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Quantiles at ``LEVELS`` of [E, n] means whose rows are weighted by [E]."""
+    if np.ptp(weights) == 0.0:
+        return np.quantile(means, LEVELS)
+    flat, each = means.ravel(), np.repeat(weights, means.shape[1])
+    order = np.argsort(flat)
+    middle = np.cumsum(each[order]) - 0.5 * each[order]
+    return np.interp(LEVELS, middle / np.sum(each), flat[order])

@@ -4,7 +4,8 @@ Realisations are cut into shards of fixed index ranges, one set of shards for ea
 and parameter set; each shard is written whole or not at all, so an interrupted run goes on where it
 stopped and the tables do not depend on batches, threads, slices or pauses.
 
-Depends on: closing, draws, errors, lock, place, scene, shards, step_a, step_b, store, study, summary.
+Depends on: closing, draws, errors, factor_fit, ledger, lock, place, scene, shards, step_a, step_b,
+store, study, summary.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from mcsettle import lock, store
 from mcsettle.closing import close, count_failed, held_shards, refuse_smaller
 from mcsettle.draws import ParameterSet, all_sets
 from mcsettle.errors import InputError
+from mcsettle.factor_fit import fit_sets
 from mcsettle.ledger import read_record
 from mcsettle.place import Place, Where, place
 from mcsettle.scene import build_case, initial_profiles, sample_days
@@ -102,7 +104,7 @@ def run_study(
         job = ready.job
         compute(job, ready.members, ready.todo, ready.central, ready.shelf, processes)
         if shards is None:
-            close(at, study, ready.members, job.provenance)
+            job.remarks += close(at, study, ready.members, job.provenance)
             n_failed = count_failed(at)
         else:
             records = (read_record(at, s.name, job.provenance) for s in ready.shards)
@@ -150,6 +152,9 @@ def prepare(
     todo = [shard for shard in shards if not (shard.name in job.held and job.is_whole(shard))]
     store.prepare(at, provenance, finished=part is not None and not todo)
     _write_study(at, study, part)
+    if shelf is not None and study.fitted:
+        needed = {shard.member for shard in todo}
+        members = fit_sets(study, members, needed, at, provenance, shelf, progress, processes)
     return Prepared(job, members, central, shelf, todo, shards)
 
 

@@ -1,8 +1,9 @@
 """Columns of the result tables from what the engine returned.
 
-Depends on: case, draws, economics, key_paths, scene, study, traffic, units.
+Depends on: case, draws, economics, key_paths, observed, scene, study, traffic, units.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from mcsettle import economics
 from mcsettle.case import Outcome
 from mcsettle.draws import ParameterSet
 from mcsettle.key_paths import input_column, unit_of
+from mcsettle.observed import Conditioning
 from mcsettle.scene import sample_days
 from mcsettle.study import Study
 from mcsettle.traffic import Timetable
@@ -112,6 +114,18 @@ def parameter_columns(members: list[ParameterSet]) -> dict[str, Any]:
         "input": [row[1] for row in rows],
         "value": [row[2] for row in rows],
         "unit": [unit_of(row[1]) for row in rows],
+    }
+
+
+def weight_columns(found: Sequence[Conditioning]) -> dict[str, Any]:
+    """Columns of the ``weights`` table: every parameter set of every variant."""
+    sizes = [len(one.log_likelihood) for one in found]
+    logs = np.concatenate([one.log_likelihood for one in found])
+    return {
+        "variant": [one.variant for one, n in zip(found, sizes, strict=True) for _ in range(n)],
+        "parameter_set": np.concatenate([np.arange(n, dtype=np.int32) for n in sizes]),
+        "weight": np.concatenate([one.weights for one in found]),
+        "log_likelihood": [float(v) if np.isfinite(v) else None for v in logs],
     }
 
 

@@ -4,7 +4,8 @@
 objects of the model from them; it knows nothing of how a study is run.
 
 Depends on: economics, errors, inputs, irregularity, measured, soil, study_build, study_checks,
-study_faults, study_read, study_schema, study_text, study_uncertain, track, traffic, units.
+study_faults, study_observed, study_read, study_schema, study_text, study_uncertain, track, traffic,
+units.
 """
 
 import hashlib
@@ -37,6 +38,7 @@ from mcsettle.study_build import (
 )
 from mcsettle.study_checks import Parts, faults_between, warnings_of
 from mcsettle.study_faults import Fault, faults_of, refusal, suggestion
+from mcsettle.study_observed import ObservedTable, observed_faults
 from mcsettle.study_read import parsed_toml, sound_parts, toml_data, with_tuples
 from mcsettle.study_schema import (
     CalibrationTable,
@@ -60,6 +62,7 @@ from mcsettle.study_text import toml_text
 from mcsettle.study_uncertain import (
     CorrelationTable,
     UncertainTable,
+    followers,
     uncertain_faults,
     with_values,
 )
@@ -95,6 +98,7 @@ class Study(Table):
     files_outside: bool = False
     uncertain: Annotated[tuple[UncertainTable, ...], Field(max_length=100)] = ()
     correlations: Annotated[tuple[CorrelationTable, ...], Field(max_length=1000)] = ()
+    observed: Annotated[tuple[ObservedTable, ...], Field(max_length=1000)] = ()
 
     _folder: Path | None = PrivateAttr(default=None)  # what file names start from
 
@@ -102,6 +106,15 @@ class Study(Table):
     def n_sets(self) -> int:
         """Parameter sets: draws of the uncertain inputs; 1 if none is uncertain."""
         return (self.run.parameter_sets or PARAMETER_SETS) if self.uncertain else 1
+
+    @property
+    def fitted(self) -> Mapping[str, UncertainTable]:
+        """Settlement factors that every parameter set fits to the observations, by variant."""
+        found: dict[str, UncertainTable] = {}
+        for entry in self.uncertain:
+            if entry.fitted:
+                found |= dict.fromkeys(followers(self.variants, entry.input), entry)
+        return found
 
     @property
     def scenario_names(self) -> tuple[str, ...]:
@@ -120,8 +133,13 @@ class Study(Table):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 [hex] of all that decides a result: not titles, references, sample size."""
+        """SHA-256 [hex] of all that decides a result: not titles, references, sample size.
+
+        Observations decide it only where the sets fit a factor to them.
+        """
         data = _plain(self, exclude=_NO_EFFECT_ON_RESULTS)
+        if not self.fitted:
+            data.pop("observed", None)
         data["run"].pop("realisations")
         data["run"].pop("parameter_sets", None)
         for entry in data["scenarios"] + data["variants"]:
@@ -130,6 +148,8 @@ class Study(Table):
             entry.pop("source", None)
         if self.profile.file is not None:  # what is in the file decides, not what it is called
             data["profile"].pop("file")
+        for entry in data.get("observed", []):
+            entry.pop("source")
         text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -272,13 +292,20 @@ class Study(Table):
         return study
 
     def _uncertain_faults(self) -> list[Fault]:
+        horizon, names = self.limit.horizon_days, self.scenario_names
+        seen = list(observed_faults(self.observed, names, horizon, bool(self.uncertain)))
+        return seen + self._input_faults()
+
+    def _input_faults(self) -> list[Fault]:
         if not self.uncertain:
             wrong = "correlations" if self.correlations else "run.parameter_sets"
             said = "has no meaning without [[uncertain]] inputs; leave it out"
             given = bool(self.correlations) or (self.run.parameter_sets or 1) > 1
             return [Fault(wrong, said)] if given else []
         accept = partial(type(self).from_mapping, folder=self._folder)
-        return uncertain_faults(_plain(self), self.uncertain, self.correlations, accept)
+        return uncertain_faults(
+            _plain(self), self.uncertain, self.correlations, accept, bool(self.observed)
+        )
 
     def _with_files(self, folder: Path | None) -> tuple[Self, list[Fault]]:
         """The study with the digest of the file it names, and the faults of that name."""
@@ -408,12 +435,13 @@ def _plain(study: Study, exclude: set[str] | None = None) -> dict[str, Any]:
     for variant in data["variants"]:
         if not variant["layers"]:
             del variant["layers"]
-    for key in ("reference", "uncertain", "correlations"):
+    for key in ("reference", "uncertain", "correlations", "observed"):
         if not data.get(key):
             data.pop(key, None)
     for entry in data.get("uncertain", []):
-        if not entry["also"]:
-            del entry["also"]
+        for key in ("also", "fitted"):
+            if not entry[key]:
+                del entry[key]
     return data
 
 

@@ -23,6 +23,7 @@ Path = Annotated[str, Field(min_length=1, max_length=200)]
 ROOTS = ("track", "profile", "settlement", "limit", "economics", "trains", "scenarios", "variants")
 # What fixes which tracks there are, or how long they are followed, is the same in every set.
 FIXED = ("profile.window_m", "profile.shortest_m", "profile.longest_m", "limit.horizon_years")
+FACTOR = "settlement_factor"
 LEAST_EIGENVALUE = 1e-9
 
 
@@ -55,6 +56,7 @@ class UncertainTable(Table):
     weights: Annotated[tuple[Positive, ...], Field(max_length=1000)] | None = None
     at_least: float | None = None
     at_most: float | None = None
+    fitted: bool = False
     source: Text = ""
 
     @property
@@ -70,7 +72,7 @@ class UncertainTable(Table):
         InputError
             Parameters missing, not of this kind, or impossible.
         """
-        others = {"input", "also", "distribution", "at_least", "at_most", "source"}
+        others = {"input", "also", "distribution", "at_least", "at_most", "fitted", "source"}
         parameters = self.model_dump(exclude=others)
         return distribution(self.distribution, parameters, self.at_least, self.at_most)
 
@@ -109,11 +111,13 @@ def normal_scores_correlation(
 
 
 def with_values(data: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
-    """Study data with the inputs at the key paths ``values`` replaced, and nothing uncertain.
+    """Study data with the inputs at the key paths ``values`` replaced: nothing uncertain, or observed.
 
     A whole number stays one where the study has one.
     """
-    result: Any = {k: v for k, v in data.items() if k not in ("uncertain", "correlations")}
+    result: Any = {
+        k: v for k, v in data.items() if k not in ("uncertain", "correlations", "observed")
+    }
     result["run"] = {k: v for k, v in data.get("run", {}).items() if k != "parameter_sets"}
     for path, value in values.items():
         steps = steps_to(result, path)
@@ -128,12 +132,15 @@ def uncertain_faults(
     entries: Sequence[UncertainTable],
     correlations: Sequence[CorrelationTable],
     accept: Callable[[Mapping[str, Any]], object],
+    observed: bool = False,
 ) -> list[Fault]:
     """Faults of the uncertain inputs of a study that is sound without them.
 
-    ``data`` is the study's mapping; ``accept`` builds a study of such a mapping or refuses it.
+    ``data`` is the study's mapping; ``accept`` builds a study of such a mapping or refuses it;
+    ``observed``: whether it has observations.
     """
     faults = [f for place, entry in enumerate(entries) for f in _entry(data, place, entry)]
+    faults += _fitted(data, entries, correlations, observed)
     faults += _twice(entries)
     faults += _correlations(entries, correlations)
     if not faults:
@@ -170,6 +177,43 @@ def _entry(data: Mapping[str, Any], place: int, entry: UncertainTable) -> Iterat
         entry.built()
     except InputError as error:
         yield Fault(path, str(error))
+
+
+def followers(variants: Sequence[Any], path: str) -> list[str]:
+    """Names of the variants whose settlement factor is that at the key path ``path``."""
+    if path == f"settlement.{FACTOR}":
+        return [v.name for v in variants if getattr(v, FACTOR) is None]
+    return [v.name for v in variants if path == f"variants.{v.name}.{FACTOR}"]
+
+
+def _fitted(
+    data: Mapping[str, Any],
+    entries: Sequence[UncertainTable],
+    correlations: Sequence[CorrelationTable],
+    observed: bool,
+) -> Iterator[Fault]:
+    """Faults of inputs that every parameter set is to fit to the observations."""
+    joined = {name for table in correlations for name in table.inputs}
+    for place, entry in enumerate(entries):
+        if not entry.fitted:
+            continue
+        path = f"{dotted(('uncertain', place))}.fitted"
+        if not entry.input.endswith(f".{FACTOR}") or entry.also:
+            yield Fault(path, f"only a {FACTOR} can be fitted, and alone; '{entry.input}' cannot")
+        elif entry.distribution == "discrete" or entry.input in joined:
+            yield Fault(path, "a fitted factor needs a continuous distribution and no correlations")
+        elif not observed:
+            yield Fault(path, "there is nothing to fit it to: give [[observed]] entries")
+        elif entry.input == f"settlement.{FACTOR}" and _n_following(data) > 1:
+            yield Fault(
+                path,
+                "several variants follow settlement.settlement_factor; give each its own and fit "
+                "variants.<name>.settlement_factor",
+            )
+
+
+def _n_following(data: Mapping[str, Any]) -> int:
+    return sum(FACTOR not in variant for variant in data.get("variants", ()))
 
 
 def _near(name: str, can: Sequence[str]) -> str:

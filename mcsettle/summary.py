@@ -2,26 +2,32 @@
 
 Every number is an ``Estimate`` with its Monte Carlo error and its censored count. The spread
 between realisations (P5 to P95) is what differs between track sections and, in a study with uncertain
-inputs, between parameter sets; the standard error is what a larger sample would shrink.
+inputs, between parameter sets; the standard error is what a larger sample would shrink. Where the study
+has observations, the same numbers with the parameter sets weighted by them stand beside (``observed``).
 
-Depends on: errors, estimate, key_paths, nested, place, store, study, study_schema, summary_spread.
+Depends on: draws, errors, estimate, key_paths, nested, observed, place, store, study, study_schema,
+summary_spread, units.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
 from mcsettle import store
+from mcsettle.draws import ParameterSet, all_sets
 from mcsettle.errors import InputError
 from mcsettle.estimate import Estimate, Statistic, summarise_effects, summarise_intervals
 from mcsettle.key_paths import input_column
 from mcsettle.nested import crossed_bounded, crossed_effects, crossed_intervals
+from mcsettle.observed import Conditioning, InputBand, weighted_bands
 from mcsettle.place import Folder, Place, Where, place
 from mcsettle.study import Study, study_from_text
 from mcsettle.study_schema import ReferenceTable
 from mcsettle.summary_spread import effect_spread, interval_spread, matrix
+from mcsettle.units import DAYS_PER_YEAR
 
 STUDY_FILE = "study.toml"
 INTERVAL = "tamping_interval_days"
@@ -30,12 +36,39 @@ GROWTH = "sd_growth_1y_mm"
 
 @dataclass(frozen=True)
 class Results:
-    """A finished run: its study and its tables (``history`` and ``effects`` may be empty)."""
+    """A finished run: its study and its tables (all but ``realisations`` may be empty)."""
 
     study: Study
     realisations: pd.DataFrame
     history: pd.DataFrame
     effects: pd.DataFrame
+    weights: pd.DataFrame = field(default_factory=pd.DataFrame)
+
+    @cached_property
+    def members(self) -> list[ParameterSet]:
+        """The parameter sets of the study."""
+        return all_sets(self.study)
+
+    def input_bands(self, variant: str) -> list[InputBand]:
+        """What the observations leave of every uncertain input in ``variant``; empty without."""
+        found = self.conditioning(variant)
+        if found is None or not found.usable:
+            return []
+        own = self.realisations[self.realisations["variant"] == variant]
+        drawn = own.groupby("parameter_set").first()
+        columns = {e.input: drawn[input_column(e.input)] for e in self.study.uncertain}
+        return [
+            InputBand(name, *weighted_bands(values.to_numpy(dtype=float), found.weights))
+            for name, values in columns.items()
+        ]
+
+    def conditioning(self, variant: str) -> Conditioning | None:
+        """Weights of the parameter sets of ``variant`` given the observations; None without."""
+        if self.weights.empty:
+            return None
+        own = self.weights[self.weights["variant"] == variant].sort_values("parameter_set")
+        logs = own["log_likelihood"].to_numpy(dtype=float, na_value=-np.inf)
+        return Conditioning(variant, logs) if len(own) else None
 
 
 @dataclass(frozen=True)
@@ -43,8 +76,11 @@ class SummaryRow:
     """One metric of one scenario in one variant, and the published value beside it.
 
     ``statistics``: P5, P50, P95 and a mean. ``reference_percent``: share of the realisations [%]
-    below the published value (a censored one counts as above it), None without one. ``spread``: what
-    the spread consists of and what remains of it along a line (``summary_spread``).
+    below the published value, of those known; ``reference_range`` what it may be for any value of the
+    others; both None without a published value. ``spread``: what
+    the spread consists of and what remains of it along a line (``summary_spread``). ``conditioned``
+    are the same statistics given the study's observations, their names beginning with
+    ``conditioned_``; ``conditioned_percent`` is the share of the weight below the published value.
     """
 
     variant: str
@@ -54,11 +90,19 @@ class SummaryRow:
     statistics: tuple[Statistic, ...]
     reference: ReferenceTable | None = None
     reference_percent: float | None = None
+    reference_range: tuple[float, float] | None = None
     spread: tuple[Statistic, ...] = ()
+    conditioned: tuple[Statistic, ...] = ()
+    conditioned_percent: float | None = None
 
     def at(self, level: float) -> Estimate:
         """The quantile at ``level`` (one of ``estimate.LEVELS``)."""
         return next(s.estimate for s in self.statistics if s.level == level)
+
+    def conditioned_at(self, level: float) -> Estimate | None:
+        """The quantile at ``level`` given the observations; None without."""
+        fits = (s for s in self.conditioned if s.statistic == "conditioned_quantile")
+        return next((s.estimate for s in fits if s.level == level), None)
 
 
 def read_results(folder: Where, finished: bool = True) -> Results:
@@ -85,7 +129,8 @@ def read_results(folder: Where, finished: bool = True) -> Results:
             f"{at} holds a run that is not finished; 'mcsettle status {at}' says what is missing, "
             "and the same run command goes on with it"
         )
-    tables = (_table(at, name, names) for name in ("realisations", "history", "effects"))
+    wanted = ("realisations", "history", "effects", "weights")
+    tables = (_table(at, name, names) for name in wanted)
     return Results(study_of(at), *tables)
 
 
@@ -117,32 +162,59 @@ def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryR
     table = _part(results.realisations, variant, scenario)
     if table.empty or (table["status"] == "failed").all():
         return
-    days = table[INTERVAL].to_numpy(dtype=float, na_value=np.nan)
-    failed = (table["status"] == "failed").to_numpy()
-    intervals = tuple(_intervals(table, INTERVAL, "censored_at_days"))
-    row = _with_reference(results, variant, scenario, INTERVAL, intervals, days[~failed])
-    yield replace(row, spread=tuple(interval_spread(results.study, table)))
-    yield from _growth_rows(results, variant, scenario, table[~failed])
-    yield from _effect_rows(results, variant, scenario)
+    weights = _set_weights(results, variant)
+
+    def intervals(of_sets: np.ndarray | None) -> list[Statistic]:
+        return _intervals(table, INTERVAL, "censored_at_days", of_sets)
+
+    row = SummaryRow(variant, scenario, INTERVAL, "d", tuple(intervals(None)))
+    row = replace(row, spread=tuple(interval_spread(results.study, results.members, table)))
+    if weights is not None:
+        given = [
+            *intervals(weights),
+            *interval_spread(results.study, results.members, table, weights),
+        ]
+        row = replace(row, conditioned=_renamed(given))
+    sound = table[table["status"] != "failed"]
+    days = sound[INTERVAL].fillna(np.inf)  # a censored one lies above any published value
+    yield _with_reference(results, row, sound.assign(values=days), weights)
+    yield from _growth_rows(results, variant, scenario, sound, weights)
+    yield from _effect_rows(results, variant, scenario, weights)
 
 
-def _intervals(table: pd.DataFrame, column: str, ends: str) -> list[Statistic]:
+def _set_weights(results: Results, variant: str) -> np.ndarray | None:
+    """Weights [E] of the parameter sets given the observations; None without, or if they collapse."""
+    found = results.conditioning(variant)
+    return found.weights if found is not None and found.usable else None
+
+
+def _renamed(statistics: Iterable[Statistic]) -> tuple[Statistic, ...]:
+    return tuple(replace(s, statistic=f"conditioned_{s.statistic}") for s in statistics)
+
+
+def _intervals(
+    table: pd.DataFrame, column: str, ends: str, weights: np.ndarray | None
+) -> list[Statistic]:
     """Statistics of a column with its censorings, crossed if there are several parameter sets."""
     if table["parameter_set"].nunique() > 1:
-        return crossed_intervals(matrix(table, column), matrix(table, ends))
+        found = matrix(table, column), matrix(table, ends)
+        return crossed_intervals(*found, set_weights=weights)
     values, limits = (table[c].to_numpy(dtype=float, na_value=np.nan) for c in (column, ends))
     return summarise_intervals(values, limits)
 
 
 def _growth_rows(
-    results: Results, variant: str, scenario: str, table: pd.DataFrame
+    results: Results,
+    variant: str,
+    scenario: str,
+    table: pd.DataFrame,
+    weights: np.ndarray | None,
 ) -> Iterator[SummaryRow]:
     """Growth of the SD [mm] after a year and after the days the reference gives."""
     own = input_column("limit.sd_limit_mm")  # where it differs between parameter sets
     limit = table.get(own, results.study.limit.sd_limit_mm)
     table = table.assign(to_limit=(limit - table["sd_initial_mm"]).astype(float))
-    year = table[GROWTH].to_numpy(dtype=float, na_value=np.nan)
-    yield _with_reference(results, variant, scenario, GROWTH, _growth(table, GROWTH), year)
+    yield _growth_row(results, (variant, scenario, GROWTH), table, GROWTH, weights)
     published = _reference(results.study, INTERVAL, scenario)
     history = _part(results.history, variant, scenario)
     if published is None or history.empty:
@@ -154,26 +226,46 @@ def _growth_rows(
     if np.all(np.isnan(growth)):
         return
     metric = f"sd_growth_{published.value:g}d_mm"
-    table = table.assign(growth=growth)
-    yield SummaryRow(variant, scenario, metric, "mm", _growth(table, "growth"))
+    key = (variant, scenario, metric)
+    yield _growth_row(results, key, table.assign(growth=growth), "growth", weights)
 
 
-def _growth(table: pd.DataFrame, column: str) -> tuple[Statistic, ...]:
+def _growth_row(
+    results: Results,
+    key: tuple[str, str, str],
+    table: pd.DataFrame,
+    column: str,
+    weights: np.ndarray | None,
+) -> SummaryRow:
+    early = column == GROWTH and results.study.limit.horizon_days < DAYS_PER_YEAR
+    note = "the horizon comes before day 365" if early else "the limit comes first"
+    row = SummaryRow(*key, "mm", _growth(table, column, note, None))
+    if weights is not None:
+        row = replace(row, conditioned=_renamed(_growth(table, column, note, weights)))
+    return _with_reference(results, row, table.assign(values=table[column]), weights)
+
+
+def _growth(
+    table: pd.DataFrame, column: str, note: str, weights: np.ndarray | None
+) -> tuple[Statistic, ...]:
     """Quantiles of SD growth; where the limit came first, growth is censored at the limit."""
     table = table.assign(end=table["to_limit"].where(table[column].isna(), np.nan))
     if table["parameter_set"].nunique() > 1:
-        found = crossed_bounded(matrix(table, column), matrix(table, "end"), "mm")
+        of_sets = matrix(table, column), matrix(table, "end")
+        found = crossed_bounded(*of_sets, "mm", set_weights=weights)
     else:
-        found = _intervals(table, column, "end")
+        found = _intervals(table, column, "end", None)
     rows = []
     for row in found:
         if row.level is not None:
-            note = "the limit comes first" if row.estimate.value is None else ""
-            rows.append(replace(row, estimate=replace(row.estimate, unit="mm", note=note)))
+            said = note if row.estimate.value is None else ""
+            rows.append(replace(row, estimate=replace(row.estimate, unit="mm", note=said)))
     return tuple(rows)
 
 
-def _effect_rows(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
+def _effect_rows(
+    results: Results, variant: str, scenario: str, weights: np.ndarray | None
+) -> Iterator[SummaryRow]:
     """Paired effects against the baseline: reduction, elasticity, marginal cost."""
     if results.effects.empty:
         return
@@ -184,38 +276,63 @@ def _effect_rows(results: Results, variant: str, scenario: str) -> Iterator[Summ
     table = table[~table["status"].isin(["failed", "at_limit"])]
     if table.empty:
         return
-    nested = table["parameter_set"].nunique() > 1
-    spreads = effect_spread(results.study, variant, scenario, results.realisations, table)
+    own = results.realisations[results.realisations["variant"] == variant]
+    spreads = effect_spread(results.study, results.members, scenario, own, table)
+    given: dict[str, list[Statistic]] = {}
+    if weights is not None:
+        given = effect_spread(results.study, results.members, scenario, own, table, weights)
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
     for metric, unit in units.items():
-        values = table[metric].to_numpy(dtype=float, na_value=np.nan)
-        if nested:
-            of_sets = matrix(table, metric)
-            failed = np.isnan(matrix(table.assign(known=1.0), "known"))
-            statistics = tuple(crossed_effects(of_sets, failed, unit))
-        else:
-            statistics = tuple(summarise_effects(values, unit))
-        row = _with_reference(results, variant, scenario, metric, statistics, values)
-        yield replace(row, spread=tuple(spreads.get(metric, ())))
+        row = SummaryRow(variant, scenario, metric, unit, _effects(table, metric, unit, None))
+        row = replace(row, spread=tuple(spreads.get(metric, ())))
+        if weights is not None:
+            found = [*_effects(table, metric, unit, weights), *given.get(metric, ())]
+            row = replace(row, conditioned=_renamed(found))
+        yield _with_reference(results, row, table.assign(values=table[metric]), weights)
+
+
+def _effects(
+    table: pd.DataFrame, metric: str, unit: str, weights: np.ndarray | None
+) -> tuple[Statistic, ...]:
+    """Statistics of a paired effect, crossed if there are several parameter sets."""
+    if table["parameter_set"].nunique() == 1:
+        return tuple(summarise_effects(table[metric].to_numpy(dtype=float, na_value=np.nan), unit))
+    failed = np.isnan(matrix(table.assign(known=1.0), "known"))
+    return tuple(crossed_effects(matrix(table, metric), failed, unit, set_weights=weights))
 
 
 def _with_reference(
-    results: Results,
-    variant: str,
-    scenario: str,
-    metric: str,
-    statistics: tuple[Statistic, ...],
-    values: np.ndarray,
+    results: Results, row: SummaryRow, table: pd.DataFrame, weights: np.ndarray | None
 ) -> SummaryRow:
-    """The row of ``metric`` with the published value; NaN among ``values`` lies above it."""
-    unit = statistics[0].estimate.unit
-    row = SummaryRow(variant, scenario, metric, unit, statistics)
-    published = _reference(results.study, metric, scenario)
-    unknown = metric != INTERVAL and np.all(np.isnan(values))
-    if published is None or not len(values) or unknown:
-        return replace(row, reference=published)
-    percent = 100.0 * float(np.mean(values < published.value))
-    return replace(row, reference=published, reference_percent=percent)
+    """The row with the published value and where it falls among the column ``values``.
+
+    Growth to the limit and beyond lies above a published growth below it; of a censored pair's effect
+    nothing is known, and the share is of the others.
+    """
+    published = _reference(results.study, row.metric, row.scenario)
+    row = replace(row, reference=published)
+    if published is None:
+        return row
+    values = table["values"].to_numpy(dtype=float, na_value=np.nan)
+    if row.metric == GROWTH:
+        values = np.where(np.isnan(values) & (table["to_limit"] > published.value), np.inf, values)
+    known = ~np.isnan(values)
+    if not np.any(known):
+        return row
+    below = values[known] < published.value
+    least, unknown = float(np.mean(known & (values < published.value))), float(np.mean(~known))
+    row = replace(
+        row,
+        reference_percent=100.0 * float(np.mean(below)),
+        reference_range=(100.0 * least, 100.0 * (least + unknown)),
+    )
+    if weights is None:
+        return row
+    _, place = np.unique(table["parameter_set"].to_numpy(), return_inverse=True)
+    own = weights[place][known]
+    if not np.sum(own) > 0.0:
+        return row
+    return replace(row, conditioned_percent=100.0 * float(own @ below / np.sum(own)))
 
 
 def _reference(study: Study, metric: str, scenario: str) -> ReferenceTable | None:

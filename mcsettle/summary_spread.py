@@ -1,27 +1,29 @@
 """What the spread of a run's numbers consists of, and what remains of it along a line.
 
 For every metric: the split of its variance between parameters, sections and their interaction, the
-first-order index of each uncertain input, and the distribution of its mean over lines of several
-lengths. For the effects: how much pairing the same tracks has gained, and the cost at the mean interval,
-which is not the mean cost.
+first-order and total indices of each uncertain input, and the distribution of its mean over lines of
+several lengths. For the effects: how much pairing the same tracks has gained, and the cost at the mean
+interval, which is not the mean cost.
 
-Depends on: draws, economics, estimate, key_paths, line, nested, study, units.
+Depends on: draws, economics, estimate, key_paths, line, nested, study, surrogate, units, variance.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from mcsettle import economics
-from mcsettle.draws import all_sets
+from mcsettle.draws import ParameterSet
 from mcsettle.estimate import LEVELS, Estimate, Statistic
 from mcsettle.key_paths import input_column
 from mcsettle.line import line_means
-from mcsettle.nested import LEAST_SETS, crossed_mean, first_order, spread_scores, variance_split
+from mcsettle.nested import crossed_mean
 from mcsettle.study import Study
+from mcsettle.surrogate import total_order
 from mcsettle.units import DAYS_PER_YEAR
+from mcsettle.variance import LEAST_SETS, first_order, spread_scores, variance_split
 
 INTERVAL = "tamping_interval_days"
 IDENTITY = 1e-12  # relative variance of a paired effect below which it is the same on every track
@@ -33,26 +35,39 @@ def matrix(table: pd.DataFrame, column: str) -> np.ndarray:
     return wide.to_numpy(dtype=float, na_value=np.nan)
 
 
-def interval_spread(study: Study, table: pd.DataFrame) -> list[Statistic]:
-    """Split, indices and lines of the tamping interval in one variant and scenario."""
+def interval_spread(
+    study: Study,
+    members: Sequence[ParameterSet],
+    table: pd.DataFrame,
+    weights: np.ndarray | None = None,
+) -> list[Statistic]:
+    """Split, indices and lines of the tamping interval in one variant and scenario.
+
+    With ``weights`` [E] of the parameter sets there are no indices: weighted inputs are not
+    independent of each other.
+    """
     days = matrix(table, INTERVAL)
     censored = np.isnan(days) & ~np.isnan(matrix(table, "censored_at_days"))
-    found = list(_split(study, table, days, censored))
-    return found + _lines(study, days, "d", "censored sections left out" if censored.any() else "")
+    found = list(_split(study, members, table, days, censored, weights))
+    note = "censored sections left out" if censored.any() else ""
+    return found + _lines(study, days, "d", note, weights)
 
 
 def effect_spread(
     study: Study,
-    variant: str,
+    members: Sequence[ParameterSet],
     scenario: str,
-    realisations: pd.DataFrame,
+    own: pd.DataFrame,
     effects: pd.DataFrame,
+    weights: np.ndarray | None = None,
 ) -> dict[str, list[Statistic]]:
-    """Split, indices, lines, pairing gain and cost at the mean interval, by metric."""
+    """Split, indices, lines, pairing gain and cost at the mean interval, by metric.
+
+    ``own`` and ``effects`` are the rows of one variant; ``weights`` as in ``interval_spread``.
+    """
     change, prices = study.change(scenario), study.priced
     if change is None or prices is None:
         return {}
-    own = realisations[realisations["variant"] == variant]
     base, other = (
         matrix(own[own["scenario"] == name], INTERVAL) for name in (prices.baseline, scenario)
     )
@@ -60,30 +75,37 @@ def effect_spread(
     for metric in ("reduction_percent", "marginal_cost"):
         values = matrix(effects, metric)
         if not _is_identity(values):
-            found[metric] = list(_split(study, own, values, np.isnan(values)))
-    found.setdefault("reduction_percent", []).extend(_pairing(base, other))
+            found[metric] = list(_split(study, members, own, values, np.isnan(values), weights))
+    if weights is None:  # a matter of the design, not of what is known of the line
+        found.setdefault("reduction_percent", []).extend(_pairing(base, other))
     cost = matrix(effects, "marginal_cost")
-    at_mean = _cost_at_mean(study, scenario, base, other)
+    at_mean = _cost_at_mean(members, scenario, base, other, weights)
     costs = found.setdefault("marginal_cost", [])
-    costs += _lines(study, cost, change.unit, "censored pairs left out" if _gaps(cost) else "")
     note = "censored pairs left out" if _gaps(cost) else ""
-    costs.append(Statistic("section_mean", None, crossed_mean(cost, change.unit, note)))
+    costs += _lines(study, cost, change.unit, note, weights)
+    mean = crossed_mean(cost, change.unit, note, set_weights=weights)
+    costs.append(Statistic("section_mean", None, mean))
     costs.append(Statistic("cost_at_mean_interval", None, _plain(at_mean, cost, change.unit)))
     return found
 
 
 def _split(
-    study: Study, table: pd.DataFrame, values: np.ndarray, censored: np.ndarray
+    study: Study,
+    members: Sequence[ParameterSet],
+    table: pd.DataFrame,
+    values: np.ndarray,
+    censored: np.ndarray,
+    weights: np.ndarray | None,
 ) -> Iterator[Statistic]:
-    """Variance shares and first-order indices; nothing where there is one set or one section."""
+    """Variance shares, first-order and total indices; nothing with one set or one section."""
     scores, scale = spread_scores(values, censored)
     if min(scores.shape) < 2 or np.ptp(scores) == 0.0:
         return
-    split = variance_split(scores, scale)
+    split = variance_split(scores, scale, weights)
     for part in ("parameters", "sections", "interaction"):
         share = replace(getattr(split, part), n_censored=int(censored.sum()))
         yield Statistic("variance_share", None, share, part)
-    if len(scores) < LEAST_SETS:
+    if len(scores) < LEAST_SETS or weights is not None:
         return
     paths = [entry.input for entry in study.uncertain]
     columns = [input_column(path) for path in paths]
@@ -93,11 +115,32 @@ def _split(
         note = f"of the variance of the {scale}"
         estimate = Estimate(index, *bounds, error, scores.size, int(censored.sum()), "1", note)
         yield Statistic("first_order_index", None, estimate, path)
+    yield from _totals(members, scores, scale, int(censored.sum()))
 
 
-def _lines(study: Study, values: np.ndarray, unit: str, note: str) -> list[Statistic]:
+def _totals(
+    members: Sequence[ParameterSet], scores: np.ndarray, scale: str, n_censored: int
+) -> Iterator[Statistic]:
+    """Total indices, not given where the spline through the sets does not follow them."""
+    paths = list(members[0].shares)
+    shares = np.array([[m.shares[path] for path in paths] for m in members[: len(scores)]])
+    found = total_order(shares, scores)
+    note = (
+        f"of the variance of the {scale}; a spline predicts {found.explained:.0%} of sets left out"
+    )
+    for path, (index, error) in zip(paths, found.indices, strict=True):
+        estimate = Estimate(None, None, None, None, scores.size, n_censored, "1", note)
+        if found.sound:
+            bounds = max(0.0, index - 1.96 * error), index + 1.96 * error
+            estimate = Estimate(index, *bounds, error, scores.size, n_censored, "1", note)
+        yield Statistic("total_index", None, estimate, path)
+
+
+def _lines(
+    study: Study, values: np.ndarray, unit: str, note: str, weights: np.ndarray | None
+) -> list[Statistic]:
     rows = []
-    for line in line_means(values, study.profile.window_m):
+    for line in line_means(values, study.profile.window_m, set_weights=weights):
         subject = f"{line.length_km:g} km"
         for level, value in zip(LEVELS, line.quantiles, strict=True):
             estimate = Estimate(value, None, None, None, line.n, line.n_left_out, unit, note)
@@ -144,29 +187,32 @@ def _gain(first: np.ndarray, second: np.ndarray) -> float | None:
     return None if paired <= IDENTITY * max(unpaired, 1e-300) else unpaired / paired
 
 
-def _cost_at_mean(study: Study, scenario: str, base: np.ndarray, other: np.ndarray) -> float | None:
+def _cost_at_mean(
+    members: Sequence[ParameterSet],
+    scenario: str,
+    base: np.ndarray,
+    other: np.ndarray,
+    weights: np.ndarray | None,
+) -> float | None:
     """Marginal cost at the mean intervals of each parameter set, averaged over the sets."""
-    members = all_sets(study)
-    found = []
-    for member, first, second in zip(members, base, other, strict=False):
+    found, shares = [], []
+    for e, (member, first, second) in enumerate(zip(members, base, other, strict=False)):
         change, prices = member.study.change(scenario), member.study.priced
         both = ~np.isnan(first) & ~np.isnan(second)
         if change is None or prices is None or not np.any(both):
             continue
         days, changed = float(np.mean(first[both])), float(np.mean(second[both]))
         gamma = economics.elasticity(days, changed, change.base, change.changed)
-        found.append(
-            float(
-                economics.marginal_cost(
-                    float(gamma),
-                    days / DAYS_PER_YEAR,
-                    prices.tamping_cost_gbp_per_track_km,
-                    prices.discount_rate,
-                    change.divisor,
-                )
-            )
+        cost = economics.marginal_cost(
+            float(gamma),
+            days / DAYS_PER_YEAR,
+            prices.tamping_cost_gbp_per_track_km,
+            prices.discount_rate,
+            change.divisor,
         )
-    return float(np.mean(found)) if found else None
+        found.append(float(cost))
+        shares.append(1.0 if weights is None else float(weights[e]))
+    return float(np.average(found, weights=shares)) if sum(shares) > 0.0 else None
 
 
 def _plain(value: float | None, values: np.ndarray, unit: str) -> Estimate:

@@ -10,7 +10,11 @@ from mcsettle.summary import SummaryRow
 
 def summary_columns(rows: list[SummaryRow]) -> dict[str, list[Any]]:
     """Columns of the ``summary`` table, in the order of ``rows``."""
-    flat = [(row, statistic) for row in rows for statistic in (*row.statistics, *row.spread)]
+    flat = [
+        (row, statistic)
+        for row in rows
+        for statistic in (*row.statistics, *row.spread, *row.conditioned)
+    ]
     columns: dict[str, list[Any]] = {
         "variant": [row.variant for row, _ in flat],
         "scenario": [row.scenario for row, _ in flat],

@@ -128,6 +128,25 @@ TABLES = {
         ),
         2,
     ),
+    "fits": TableShape(
+        (
+            Column("variant", TEXT, "", "variant of the study's settings"),
+            _SET,
+            Column("input", TEXT, "", "key path of the settlement factor that was fitted"),
+            Column("value", NUMBER, "1", "factor, drawn from what the observations leave of it"),
+            Column("log_evidence", NUMBER, "1", "of what was observed; null: not possible", True),
+        ),
+        2,
+    ),
+    "weights": TableShape(
+        (
+            Column("variant", TEXT, "", "variant of the study's settings"),
+            _SET,
+            Column("weight", NUMBER, "1", "share of the weight, given what was observed"),
+            Column("log_likelihood", NUMBER, "1", "of what was observed; null: not possible", True),
+        ),
+        2,
+    ),
     "summary": TableShape(
         (
             *_SCENE,

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import toy
 from test_pipeline import everything, table
+from toy import COST, LAW, LOAD, N0, SETS, SPRING, N, uncertain
 
 from mcsettle import pipeline, step_a, step_b, store
 from mcsettle.draws import all_sets
@@ -16,43 +17,6 @@ from mcsettle.step_a import Shelf, study_wavenumbers, track_response
 from mcsettle.summary import read_results, summary_rows
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
-SETS, N = 4, 5
-N0 = {
-    "input": "settlement.ballast_cycles_before",
-    "also": ["settlement.subgrade_cycles_before"],
-    "distribution": "log_uniform",
-    "low": 3e4,
-    "high": 1e6,
-}
-LOAD = {"input": "trains.passenger.axle_load_t", "distribution": "normal", "mean": 17, "sd": 0.85}
-COST = {
-    "input": "economics.tamping_cost_gbp_per_track_km",
-    "distribution": "lognormal",
-    "median": 5600,
-    "log_sd": 0.395,
-}
-LAW = {
-    "input": "track.layers.ballast.ballast_coefficient_per_mpa2",
-    "distribution": "uniform",
-    "low": 0.3,
-    "high": 0.45,
-}
-SPRING = {
-    "input": "trains.passenger.secondary_stiffness_n_per_m",
-    "distribution": "uniform",
-    "low": 4e5,
-    "high": 5e5,
-}
-
-
-def uncertain(*entries, **changes):
-    return toy.study(
-        **{
-            "run": {"realisations": N, "parameter_sets": SETS},
-            "uncertain": list(entries),
-            **changes,
-        }
-    )
 
 
 @pytest.fixture(scope="module")

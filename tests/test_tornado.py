@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import toy
 from scipy import stats
-from test_pipeline_nested import COST, LOAD, N0, uncertain
+from toy import COST, LOAD, N0, uncertain
 
 from mcsettle.engine import Engine
 from mcsettle.scene import build_case, initial_profiles

@@ -7,20 +7,13 @@ import numpy as np
 import pytest
 import toy
 from scipy import stats
+from toy import LOAD, N0
 
 from mcsettle.draws import all_sets, draws, unit_draws
 from mcsettle.errors import InputError
 from mcsettle.key_paths import number_paths, replaced, steps_to
 from mcsettle.study import Study, load_study, resolved_toml
 
-N0 = {
-    "input": "settlement.ballast_cycles_before",
-    "also": ["settlement.subgrade_cycles_before"],
-    "distribution": "log_uniform",
-    "low": 3e4,
-    "high": 1e6,
-}
-LOAD = {"input": "trains.passenger.axle_load_t", "distribution": "normal", "mean": 17, "sd": 0.85}
 RATE = {
     "input": "economics.discount_rate",
     "distribution": "pert",

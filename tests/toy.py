@@ -115,3 +115,44 @@ def study(**changes) -> Study:
         else:
             data[name] = next(value for value in reversed(new) if value is not None)
     return Study.from_mapping(data)
+
+
+# Uncertain inputs: of Step B alone, of the train, of money, of a law, of the vehicle.
+SETS, N = 4, 5
+N0 = {
+    "input": "settlement.ballast_cycles_before",
+    "also": ["settlement.subgrade_cycles_before"],
+    "distribution": "log_uniform",
+    "low": 3e4,
+    "high": 1e6,
+}
+LOAD = {"input": "trains.passenger.axle_load_t", "distribution": "normal", "mean": 17, "sd": 0.85}
+COST = {
+    "input": "economics.tamping_cost_gbp_per_track_km",
+    "distribution": "lognormal",
+    "median": 5600,
+    "log_sd": 0.395,
+}
+LAW = {
+    "input": "track.layers.ballast.ballast_coefficient_per_mpa2",
+    "distribution": "uniform",
+    "low": 0.3,
+    "high": 0.45,
+}
+SPRING = {
+    "input": "trains.passenger.secondary_stiffness_n_per_m",
+    "distribution": "uniform",
+    "low": 4e5,
+    "high": 5e5,
+}
+
+
+def uncertain(*entries, **changes) -> Study:
+    """The toy study with these uncertain inputs: ``SETS`` sets of ``N`` tracks."""
+    return study(
+        **{
+            "run": {"realisations": N, "parameter_sets": SETS},
+            "uncertain": list(entries),
+            **changes,
+        }
+    )

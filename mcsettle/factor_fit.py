@@ -1,0 +1,159 @@
+"""A settlement factor for every parameter set, drawn from what the observations leave of it.
+
+An uncertain settlement factor is a scale that observed days or SDs know far better than any prior. With
+one draw of it a set, hardly any set would come near them. So each set e draws its factor f not from the
+prior but from its own posterior, with its other inputs as they are:
+
+    p(f | e, observed) ∝ π(f) L(f, e),        weight of the set  Z(e) = ∫ π(f) L(f, e) df,
+
+with L of ``observed``. That is importance sampling with the best proposal there is for one input: the
+weights carry what the observations say of the other inputs, and the ensemble does not collapse on a few
+sets. L comes from the engine on two grids of factors, between them linear in log(f) track by track.
+
+Depends on: case, draws, engine, fits, observed, place, scene, step_a, store, study, study_observed,
+study_uncertain, units.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mcsettle import engine
+from mcsettle.case import Case, Outcome
+from mcsettle.draws import ParameterSet
+from mcsettle.fits import Fit, read_fits, with_fits, write_fits
+from mcsettle.observed import log_interval, log_mean, log_median, log_sd, sections_of
+from mcsettle.place import Place
+from mcsettle.scene import build_case, initial_profiles
+from mcsettle.step_a import Progress, Shelf, StepA, step_a
+from mcsettle.store import Provenance
+from mcsettle.study import Study
+from mcsettle.study_observed import ObservedTable
+from mcsettle.study_uncertain import UncertainTable
+from mcsettle.units import MM
+
+COARSE, FEW_TRACKS = 13, 16  # factors over the whole prior, tracks of each (whatever the run has)
+FINE, MOST_TRACKS = 9, 64  # factors across the posterior
+CELLS = 400  # of the grid on which the posterior is integrated
+NEGLIGIBLE = 1e-5  # share of the posterior left out at each end of the fine grid
+FAR = 8.0  # errors beyond every observed SD a track is followed no further
+LONGER = 3.0  # than the longest interval observed: so far a track is followed
+
+
+def fit_sets(
+    study: Study,
+    members: Sequence[ParameterSet],
+    needed: Collection[int],
+    at: Place,
+    provenance: Provenance,
+    shelf: Shelf,
+    progress: Progress | None = None,
+    processes: int = 1,
+) -> list[ParameterSet]:
+    """Members with their factors fitted: those in the folder, and those ``needed`` that are not.
+
+    What is fitted is written there at once.
+    """
+    held = read_fits(at, study)
+    found = []
+    for member in members:
+        if member.index in needed and member.index not in held:
+            if progress is not None:
+                progress("Fitting the factor of every set", member.index, len(members))
+            prepared = step_a(member.study, progress, processes, shelf)
+            fits = {
+                variant: fit_factor(study, member, prepared, variant, entry)
+                for variant, entry in study.fitted.items()
+            }
+            write_fits(at, study, member.index, fits, provenance)
+            held[member.index] = fits
+        found.append(with_fits(study, member, held.get(member.index, {})))
+    return found
+
+
+def fit_factor(
+    study: Study, member: ParameterSet, prepared: StepA, variant: str, entry: UncertainTable
+) -> Fit:
+    """Factor of one parameter set at its own share of the posterior, and the evidence.
+
+    A set that no factor brings near the observations keeps its draw of the prior, with no weight.
+    """
+    prior = entry.built()
+    low, high = (float(np.log(end)) for end in prior.ends)
+    model = _Model(study, member.study, prepared, variant)
+    for n_factors, n_tracks in ((COARSE, FEW_TRACKS), (FINE, MOST_TRACKS)):
+        logs = np.linspace(low, high, n_factors)
+        cells = np.linspace(low, high, CELLS + 1)
+        middle = 0.5 * (cells[1:] + cells[:-1])
+        mass = np.diff(prior.share_below(np.exp(cells)))
+        likelihood = model.log_likelihood(logs, middle, n_tracks)
+        highest = float(np.max(likelihood))
+        if not np.isfinite(highest):
+            return Fit(member.values[entry.input], -np.inf)
+        density = mass * np.exp(likelihood - highest)
+        total = float(np.sum(density))
+        if not total > 0.0:
+            return Fit(member.values[entry.input], -np.inf)
+        reached = np.append(0.0, np.cumsum(density) / total)
+        step = (high - low) / (n_factors - 1)
+        ends = np.interp([NEGLIGIBLE, 1.0 - NEGLIGIBLE], reached, cells)
+        low, high = max(low, ends[0] - step), min(high, ends[1] + step)
+    at = float(np.interp(member.shares[entry.input], reached, cells))
+    return Fit(float(np.exp(at)), highest + float(np.log(total)))
+
+
+class _Model:
+    """Likelihood of the observations for any factor, the other inputs those of one set."""
+
+    def __init__(self, study: Study, own: Study, prepared: StepA, variant: str) -> None:
+        self.study, self.own = study, own
+        names = dict.fromkeys(entry.scenario for entry in study.observed)
+        self.cases = {name: build_case(own, prepared, variant, name) for name in names}
+
+    def log_likelihood(self, logs: np.ndarray, wanted: np.ndarray, n_tracks: int) -> np.ndarray:
+        """Log likelihood [W] at the log factors ``wanted``, from the engine at ``logs`` [F]."""
+        profiles = initial_profiles(self.own, range(n_tracks))
+        total = np.zeros(len(wanted))
+        for entries in sections_of(self.study.observed):
+            parts = []
+            for entry in entries:
+                values = _between(logs, self._values(entry, logs, profiles), wanted)
+                if entry.sections > 1:
+                    parts.append(log_median(entry, np.exp(values)))
+                elif entry.is_interval:
+                    parts.append(log_interval(entry, np.exp(values)))
+                else:
+                    parts.append(log_sd(entry, values))
+            found = np.sum(parts, axis=0)
+            total = total + (log_mean(found) if found.ndim > 1 else found)
+        return total
+
+    def _values(self, entry: ObservedTable, logs: np.ndarray, profiles: np.ndarray) -> np.ndarray:
+        """Log days or SDs [mm], [F, R]; NaN where the track failed."""
+        case, n = self.cases[entry.scenario], len(profiles)
+        if entry.is_interval:
+            horizon = min(case.horizon, LONGER * (entry.tamping_interval_days or 0.0))
+            outcome = _advanced(replace(case, horizon=horizon), logs, profiles, np.zeros(0))
+            days = np.where(outcome.reached, outcome.days, horizon)
+            values = np.where(outcome.failed, np.nan, np.log(np.maximum(days, 1e-9)))
+            return values.reshape(-1, n)
+        reach = ((entry.sd_mm or 0.0) + FAR * (entry.sd_error_mm or 0.0)) * MM
+        limit, day = max(case.sd_limit, reach), entry.day or 0.0
+        own = replace(case, sd_limit=limit, horizon=max(1.001 * day, 1.0))
+        outcome = _advanced(own, logs, profiles, np.array([day]))
+        sd = np.where(np.isnan(outcome.history[:, 0]), limit, outcome.history[:, 0]) / MM
+        return np.where(outcome.failed, np.nan, sd).reshape(-1, n)
+
+
+def _advanced(case: Case, logs: np.ndarray, profiles: np.ndarray, days: np.ndarray) -> Outcome:
+    """Every track at every factor, factors outermost."""
+    model = replace(case.model, settlement_factor=1.0)
+    machine = engine.Engine(replace(case, model=model))
+    factors = np.repeat(np.exp(logs), len(profiles))
+    return machine.run(np.tile(profiles, (len(logs), 1)), days, factors)
+
+
+def _between(logs: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Values [W, R] at ``wanted``, linear between those [F, R] at ``logs``."""
+    return np.stack([np.interp(wanted, logs, column) for column in values.T], axis=1)

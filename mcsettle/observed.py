@@ -1,0 +1,238 @@
+"""What was observed on the line, as weights of the parameter sets: bands conditioned on it.
+
+A parameter set e is as likely as it makes the observations. A section's own track is unknown: it may be
+any of the set's realisations r, so that with Gaussian errors
+
+    p(observations of a section | e) = mean over r of exp(−½ Σ ((model(e, r) − observed) / error)²),
+
+and sections are independent given the set. The median interval of n sections is taken as lognormal
+about the set's own median, with the spread of a median of n and of the set's realisations. Under the
+study's distributions as the prior, the posterior is the ensemble with weights w ∝ p (self-normalised
+importance sampling). It speaks of *other* sections of the same line: their inputs are those that the
+weights favour, their tracks are any.
+
+``effective`` = (Σw)²/Σw² sets carry the weight. Few of them are a matter of chance.
+
+Depends on: errors, estimate, nested, study, study_observed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from mcsettle.errors import InputError
+from mcsettle.estimate import LEVELS
+from mcsettle.nested import effective
+from mcsettle.study import Study
+from mcsettle.study_observed import ObservedTable
+
+FEW = 20.0  # effective sets below which conditioned numbers come with a warning
+TOO_FEW = 4.0  # and below which there are none
+IMPOSSIBLE = -1e4  # log likelihood of observations a hundred standard errors off
+INTERVAL = "tamping_interval_days"
+_MEDIAN_SPREAD = float(np.sqrt(0.5 * np.pi))  # standard error of a median, times √n, over the sd
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """Weights [E] of the parameter sets of one variant, and the logarithms [E] of the likelihood."""
+
+    variant: str
+    log_likelihood: np.ndarray
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights [E] that add up to 1; all zero where no set makes the observations possible."""
+        highest = np.max(self.log_likelihood)
+        if not highest > IMPOSSIBLE:
+            return np.zeros(len(self.log_likelihood))
+        raw = np.exp(self.log_likelihood - highest)
+        return np.asarray(raw / np.sum(raw))
+
+    @property
+    def effective(self) -> float:
+        """How many sets carry the weight."""
+        return effective(self.weights)
+
+    @property
+    def usable(self) -> bool:
+        """Whether enough sets carry the weight to say anything."""
+        return self.effective >= min(TOO_FEW, len(self.log_likelihood))
+
+    @property
+    def remark(self) -> str:
+        """What to know before the conditioned numbers are believed; empty if all is well."""
+        n, n_sets = self.effective, len(self.log_likelihood)
+        if not np.any(self.weights):
+            return (
+                "no parameter set comes near the observations: widen the inputs, or check the units"
+            )
+        if not self.usable:
+            return (
+                f"only {n:.1f} of {n_sets} parameter sets carry the weight: too few for conditioned "
+                "numbers. Take more sets (--parameter-sets), or let every set fit its settlement factor "
+                "(fitted = true)"
+            )
+        if n < FEW:
+            return (
+                f"{n:.1f} of {n_sets} parameter sets carry the weight (below {FEW:g}): conditioned "
+                "numbers are rough; more sets (--parameter-sets) make them better"
+            )
+        return ""
+
+
+@dataclass(frozen=True)
+class InputBand:
+    """P5, P50, P95 of an uncertain input as drawn, and with the sets weighted by the observations."""
+
+    input: str
+    drawn: tuple[float, ...]
+    conditioned: tuple[float, ...]
+
+
+def weighted_bands(
+    values: np.ndarray, weights: np.ndarray
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """P5, P50, P95 of ``values`` [E], all alike and weighted by [E]: the first to reach each level."""
+    order = np.argsort(values, kind="stable")
+    found = []
+    for own in (np.ones(len(values)), weights):
+        cumulative = np.cumsum(own[order])
+        at = np.searchsorted(cumulative, np.array(LEVELS) * cumulative[-1] * (1.0 - 1e-12))
+        found.append(tuple(float(v) for v in values[order][np.minimum(at, len(values) - 1)]))
+    return found[0], found[1]
+
+
+def conditioned(
+    study: Study, variant: str, realisations: pd.DataFrame, history: pd.DataFrame
+) -> Conditioning:
+    """Weights of the parameter sets of ``variant`` by the study's observations.
+
+    Parameters
+    ----------
+    study : Study, with observations
+    variant : str
+    realisations, history : tables of the run
+
+    Raises
+    ------
+    InputError
+        A scenario observed has no rows.
+    """
+    own = realisations[realisations["variant"] == variant]
+    total: np.ndarray | None = None
+    for entries in sections_of(study.observed):
+        logs: np.ndarray | None = None
+        for entry in entries:
+            rows = own[own["scenario"] == entry.scenario]
+            if rows.empty:
+                raise InputError(f"scenario '{entry.scenario}' is observed and has no rows")
+            if entry.sections > 1:
+                found = log_median(entry, _days(rows))
+            elif entry.is_interval:
+                found = log_interval(entry, _days(rows))
+            else:
+                past = history[
+                    (history["variant"] == variant) & (history["scenario"] == entry.scenario)
+                ]
+                found = log_sd(entry, sd_on(past, rows, entry.day or 0.0))
+            logs = found if logs is None else logs + found
+        assert logs is not None
+        of_sets = logs if logs.ndim == 1 else log_mean(logs)
+        total = of_sets if total is None else total + of_sets
+    assert total is not None
+    return Conditioning(variant, total)
+
+
+def sections_of(observed: tuple[ObservedTable, ...]) -> list[list[ObservedTable]]:
+    """Observations by section of line; the median of several sections stands alone."""
+    groups: dict[str, list[ObservedTable]] = {}
+    alone = []
+    for entry in observed:
+        if entry.sections > 1:
+            alone.append([entry])
+        else:
+            groups.setdefault(entry.section, []).append(entry)
+    return [*groups.values(), *alone]
+
+
+def log_interval(entry: ObservedTable, days: np.ndarray) -> np.ndarray:
+    """Log likelihood of one section's interval, of each of ``days`` (inf: censored, NaN: failed)."""
+    return _gauss(days, entry.tamping_interval_days or 0.0, entry.error_days or 1.0)
+
+
+def log_sd(entry: ObservedTable, sd_mm: np.ndarray) -> np.ndarray:
+    """Log likelihood of one observed SD, of each of ``sd_mm`` (NaN: failed)."""
+    return _gauss(sd_mm, entry.sd_mm or 0.0, entry.sd_error_mm or 1.0)
+
+
+def log_median(entry: ObservedTable, days: np.ndarray) -> np.ndarray:
+    """Log likelihood [...] of the median interval of several sections, days [..., R].
+
+    The median of the set's own R realisations is known no better than they allow; that is in the
+    spread, and so in every conditioned band.
+    """
+    observed, error = entry.tamping_interval_days or 1.0, entry.error_days or 1.0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        logs = np.log(np.where(np.isnan(days), np.inf, days))
+        ordered = np.sort(logs, axis=-1)
+        n = days.shape[-1]
+        low, middle, high = (ordered[..., min(n - 1, int(p * n))] for p in (0.16, 0.5, 0.84))
+        upper = np.where(np.isfinite(high), high, 2.0 * middle - low)
+        sd = np.maximum(0.5 * (upper - low), 1e-6)
+        variance = (error / observed) ** 2
+        variance = variance + (_MEDIAN_SPREAD * sd) ** 2 * (1.0 / entry.sections + 1.0 / n)
+        square = (middle - np.log(observed)) ** 2 / variance
+        found = -0.5 * (square + np.log(variance / (error / observed) ** 2))
+    return np.where(np.isfinite(middle), found, -np.inf)
+
+
+def log_mean(logs: np.ndarray) -> np.ndarray:
+    """Logarithm of the mean of exp over the last axis; NaN (failed) is left out."""
+    n = np.sum(~np.isnan(logs), axis=-1)
+    with np.errstate(divide="ignore"):
+        total = special.logsumexp(np.where(np.isnan(logs), -np.inf, logs), axis=-1)
+        return np.asarray(np.where(n > 0, total - np.log(np.maximum(n, 1)), -np.inf))
+
+
+def sd_on(history: pd.DataFrame, rows: pd.DataFrame, day: float) -> np.ndarray:
+    """SD [E, R] mm of every realisation on ``day``, linear between the days recorded.
+
+    Beyond its last day (the limit) a track goes on as steeply as it came there: what is observed
+    there was not tamped either.
+    """
+    keys = ["parameter_set", "realisation"]
+    order = rows.sort_values(keys)
+    ordered = history.sort_values([*keys, "day"])
+    days, sd = ordered["day"].to_numpy(), ordered["sd_mm"].to_numpy()
+    names = ordered[keys].to_numpy()
+    starts = np.flatnonzero(np.any(np.diff(names, axis=0, prepend=-1) != 0, axis=1))
+    ends = np.append(starts[1:], len(names))
+    found = {
+        tuple(names[a]): _at(days[a:b], sd[a:b], day) for a, b in zip(starts, ends, strict=True)
+    }
+    values = [found.get(tuple(key), np.nan) for key in order[keys].to_numpy()]
+    return np.array(values).reshape(order["parameter_set"].nunique(), -1)
+
+
+def _at(days: np.ndarray, sd: np.ndarray, day: float) -> float:
+    if day <= days[-1] or len(days) < 2:
+        return float(np.interp(day, days, sd))
+    slope = (sd[-1] - sd[-2]) / (days[-1] - days[-2])
+    return float(sd[-1] + slope * (day - days[-1]))
+
+
+def _days(rows: pd.DataFrame) -> np.ndarray:
+    """Intervals [E, R] days; inf where censored, NaN where failed."""
+    order = rows.sort_values(["parameter_set", "realisation"])
+    days = order[INTERVAL].to_numpy(dtype=float, na_value=np.nan)
+    censored = (order["status"] == "censored").to_numpy()
+    return np.where(censored, np.inf, days).reshape(order["parameter_set"].nunique(), -1)
+
+
+def _gauss(values: np.ndarray, observed: float, error: float) -> np.ndarray:
+    """−½ ((value − observed) / error)²; −inf beyond any reach, NaN where failed."""
+    with np.errstate(invalid="ignore"):
+        return np.where(np.isinf(values), -np.inf, -0.5 * ((values - observed) / error) ** 2)
