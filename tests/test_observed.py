@@ -11,7 +11,7 @@ import toy
 from scipy import stats
 from toy import COST, LOAD, N0, uncertain
 
-from mcsettle import store
+from mcsettle import factor_fit, store
 from mcsettle.draws import all_sets
 from mcsettle.errors import InputError
 from mcsettle.estimate import Estimate
@@ -224,16 +224,23 @@ def test_observations_decide_a_run_only_where_something_is_fitted_to_them():
 
 
 @pytest.fixture(scope="module")
-def finished(fresh_cache, tmp_path_factory):
-    """Every set fits its own factor to one section's interval."""
+def few_tracks():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(factor_fit, "MOST_TRACKS", 24)
+        yield
+
+
+@pytest.fixture(scope="module")
+def finished(fresh_cache, few_tracks, tmp_path_factory):
+    """Every set fits its own factor to the median interval of 200 sections."""
     study = uncertain(N0, LOAD, COST, FACTOR, observed=[{**INTERVAL, "sections": 200}])
     out = tmp_path_factory.mktemp("fitted") / "results"
-    return run_study(study, out, realisations=64, parameter_sets=8)
+    return run_study(study, out, realisations=24, parameter_sets=5)
 
 
 @pytest.mark.usefixtures("fresh_cache")
 def test_every_set_fits_its_factor(finished):
-    """The median of 64 tracks is 60 days in every set, as well as 200 sections and 64 tracks tell."""
+    """The median of 24 tracks is 60 days in every set, as well as 200 sections and 24 tracks tell."""
     results = read_results(finished.folder)
     rows = results.realisations
     own = rows[rows["scenario"] == "v201"].groupby("parameter_set")
@@ -241,15 +248,15 @@ def test_every_set_fits_its_factor(finished):
         own["tamping_interval_days"].median(),
         own["tamping_interval_days"].agg(lambda d: np.log(d).std()),
     )
-    allowed = np.sqrt(0.05**2 + 0.5 * np.pi * spread**2 * (1 / 200 + 1 / 64))
+    allowed = np.sqrt(0.05**2 + 0.5 * np.pi * spread**2 * (1 / 200 + 1 / 24))
     miss = np.log(medians / 60.0) / allowed
     assert np.all(np.abs(miss) < 3.5)
-    assert 0.4 < np.std(miss) < 1.8  # a draw of the posterior, not its middle
+    assert 0.3 < np.std(miss) < 2.0  # draws of the posterior, not its middle
     assert (
-        rows.groupby("parameter_set")["input_settlement_settlement_factor"].first().nunique() == 8
+        rows.groupby("parameter_set")["input_settlement_settlement_factor"].first().nunique() == 5
     )
     found = results.conditioning("base")
-    assert found.effective > 6.0  # a scale fits every set alike
+    assert found.effective > 4.0  # a scale fits every set alike
     assert all(
         r.conditioned_at(0.5) is not None for r in summary_rows(results) if "growth" not in r.metric
     )
@@ -258,9 +265,9 @@ def test_every_set_fits_its_factor(finished):
 @pytest.mark.usefixtures("fresh_cache")
 def test_growing_keeps_the_fits(finished, tmp_path):
     study = load_study(finished.folder / "study.toml")
-    run_study(study, tmp_path, realisations=64, parameter_sets=3)
+    run_study(study, tmp_path, realisations=24, parameter_sets=3)
     first = store.read(tmp_path, "weights").to_pandas()
-    run_study(study, tmp_path, realisations=64, parameter_sets=8)
+    run_study(study, tmp_path, realisations=24, parameter_sets=5)
     grown, whole = (
         store.read(folder, "weights").to_pandas() for folder in (tmp_path, finished.folder)
     )
