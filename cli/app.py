@@ -3,9 +3,9 @@
 Everything heavy is imported inside the command that needs it, so that ``--help`` stays quick.
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
 
-Depends on: cli.edge, typer; inside the commands: doctor, errors, life, study, summary, tornado,
-track_pictures, track_report, validate, cli.checks, cli.fitting, cli.maintenance, cli.record,
-cli.runs, cli.spread, cli.views.
+Depends on: cli.edge, cli.reports, typer; inside the commands: doctor, errors, life, study, summary,
+tornado, track_pictures, track_report, validate, cli.checks, cli.fitting, cli.maintenance, cli.pictures,
+cli.record, cli.runs, cli.spread, cli.views.
 """
 
 from pathlib import Path
@@ -25,6 +25,7 @@ from mcsettle.cli.edge import (
     together,
     with_cache,
 )
+from mcsettle.cli.reports import compare, export, report
 
 app = typer.Typer(
     name="mcsettle",
@@ -186,10 +187,12 @@ def summarise(
     ] = None,
 ) -> None:
     """Print days, reduction, elasticity and marginal cost, beside the study's reference values."""
-    from mcsettle.cli.pictures import draw
+    from mcsettle.cli.pictures import checked_picture, draw
     from mcsettle.cli.views import print_summary, summary_json
     from mcsettle.summary import read_results, summary_rows
 
+    if picture is not None:
+        checked_picture(picture)
     results = read_results(folder)
     rows = summary_rows(results)
     if json_output:
@@ -197,7 +200,7 @@ def summarise(
     else:
         print_summary(results, rows)
     if picture is not None:
-        draw(results, picture)
+        draw(results, rows, folder, picture)
         talk(f"Drew {picture}")
 
 
@@ -415,6 +418,10 @@ def doctor(
     typer.echo(doctor_json(checks) if json_output else "\n".join(doctor_lines(checks)))
     if any(check.state == "failed" for check in checks):
         raise typer.Exit(FAILED)
+
+
+for verb in (report, export, compare):
+    app.command()(verb)
 
 
 def main() -> None:

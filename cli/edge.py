@@ -74,7 +74,7 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
     return wrapped
 
 
-def checked_folder(path: Path) -> Path:
+def checked_folder(path: Path, option: str = "--out") -> Path:
     """``path`` if a run can write there; it is not created here.
 
     Raises
@@ -83,12 +83,14 @@ def checked_folder(path: Path) -> Path:
         A file stands there, or its nearest existing parent cannot be written to.
     """
     if path.exists() and not path.is_dir():
-        raise InputError(f"--out {path} is a file; name a folder")
+        raise InputError(f"{option} {path} is a file; name a folder")
     parent = next(p for p in (path, *path.absolute().parents) if p.exists())
     if not parent.is_dir():
-        raise InputError(f"--out {path}: {parent} is a file; name a folder")
+        raise InputError(f"{option} {path}: {parent} is a file; name a folder")
     if not os.access(parent, os.W_OK | os.X_OK):
-        raise InputError(f"--out {path}: no permission to write in {parent}; name another folder")
+        raise InputError(
+            f"{option} {path}: no permission to write in {parent}; name another folder"
+        )
     return path
 
 

@@ -3,9 +3,9 @@
 ``load_study`` is the door. A study holds the tables of the file (``study_schema``) and builds the
 objects of the model from them; it knows nothing of how a study is run.
 
-Depends on: economics, errors, inputs, irregularity, measured, soil, study_build, study_checks,
-study_faults, study_observed, study_read, study_schema, study_text, study_uncertain, track, traffic,
-units.
+Depends on: economics, errors, inputs, irregularity, key_paths, measured, soil, study_build,
+study_checks, study_faults, study_observed, study_read, study_schema, study_text, study_uncertain,
+track, traffic, units.
 """
 
 import hashlib
@@ -22,6 +22,7 @@ from mcsettle.economics import Change, speed_change, tonnage_change
 from mcsettle.errors import InputError
 from mcsettle.inputs import digest_of, input_file
 from mcsettle.irregularity import wavenumbers
+from mcsettle.key_paths import steps_to
 from mcsettle.measured import Record, prepared
 from mcsettle.soil import SofteningSettings
 from mcsettle.study_build import (
@@ -66,13 +67,23 @@ from mcsettle.study_uncertain import (
     uncertain_faults,
     with_values,
 )
+from mcsettle.study_uncertain import (
+    Path as KeyPath,
+)
 from mcsettle.track import Track
 from mcsettle.traffic import Timetable, Train
 from mcsettle.units import DAYS_PER_YEAR, MGT
 
 SCHEMA_VERSION = 1
 PARAMETER_SETS = 64  # of a study with uncertain inputs that does not say how many
-_NO_EFFECT_ON_RESULTS = {"title", "reference", "calibration", "maintenance", "files_outside"}
+_NO_EFFECT_ON_RESULTS = {
+    "title",
+    "reference",
+    "calibration",
+    "maintenance",
+    "files_outside",
+    "sources",
+}
 
 
 class Study(Table):
@@ -96,6 +107,7 @@ class Study(Table):
     reference: Annotated[tuple[ReferenceTable, ...], Field(max_length=1000)] = ()
     calibration: CalibrationTable | None = None
     files_outside: bool = False
+    sources: dict[KeyPath, Text] = Field(default={}, max_length=500)
     uncertain: Annotated[tuple[UncertainTable, ...], Field(max_length=100)] = ()
     correlations: Annotated[tuple[CorrelationTable, ...], Field(max_length=1000)] = ()
     observed: Annotated[tuple[ObservedTable, ...], Field(max_length=1000)] = ()
@@ -142,6 +154,7 @@ class Study(Table):
             data.pop("observed", None)
         data["run"].pop("realisations")
         data["run"].pop("parameter_sets", None)
+        data.get("economics", {}).pop("price_base_year", None)
         for entry in data["scenarios"] + data["variants"]:
             entry.pop("title", None)
         for entry in data.get("uncertain", []) + data.get("correlations", []):
@@ -286,10 +299,20 @@ class Study(Table):
         if study is None or faults:
             raise refusal(origin, list(dict.fromkeys(faults)))
         study, faults = study._resolved()._with_files(folder)
-        faults = faults or study._uncertain_faults()
+        faults = faults or study._source_faults() + study._uncertain_faults()
         if faults:
             raise refusal(origin, faults)
         return study
+
+    def _source_faults(self) -> list[Fault]:
+        data = _plain(self, exclude={"sources"})
+        return [
+            Fault(
+                f"sources.{path}", "names no input of this study; give the path of a key or table"
+            )
+            for path in self.sources
+            if steps_to(data, path) is None
+        ]
 
     def _uncertain_faults(self) -> list[Fault]:
         horizon, names = self.limit.horizon_days, self.scenario_names
@@ -422,6 +445,11 @@ def resolved_toml(study: Study) -> str:
     return toml_text(_plain(study))
 
 
+def study_data(study: Study) -> dict[str, Any]:
+    """``study`` as nested mappings and lists under the file's keys, every default filled in."""
+    return _plain(study)
+
+
 def json_schema() -> dict[str, Any]:
     """JSON Schema of study files, for editors that complete and check TOML."""
     schema = Study.model_json_schema(by_alias=True)
@@ -435,9 +463,12 @@ def _plain(study: Study, exclude: set[str] | None = None) -> dict[str, Any]:
     for variant in data["variants"]:
         if not variant["layers"]:
             del variant["layers"]
-    for key in ("reference", "uncertain", "correlations", "observed"):
+    for key in ("reference", "uncertain", "correlations", "observed", "sources"):
         if not data.get(key):
             data.pop(key, None)
+    for entry in data.get("reference", []):
+        if not entry["note"]:
+            del entry["note"]
     for entry in data.get("uncertain", []):
         for key in ("also", "fitted"):
             if not entry[key]:

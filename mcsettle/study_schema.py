@@ -230,6 +230,7 @@ class EconomicsTable(Table):
     base_speed_kmh: u.Speed | None = None
     trains_thousand_per_year: Positive | None = None
     mgt_per_day: Positive | None = None
+    price_base_year: Annotated[int, Field(ge=1900, le=2200)] | None = None
 
 
 class MaintenanceTable(Table):
@@ -303,13 +304,17 @@ class VariantTable(Table):
 
 
 class ReferenceTable(Table):
-    """``[[reference]]``: a published value to print beside the study's own."""
+    """``[[reference]]``: a published value to print beside the study's own.
+
+    ``note`` says why the two differ.
+    """
 
     metric: METRICS
     scenario: Name
     value: float
     unit: Text
     source: Text
+    note: Text = ""
 
 
 class CalibrationTable(Table):

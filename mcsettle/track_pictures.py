@@ -73,6 +73,19 @@ def draw_track(
     InputError
         If the folder cannot be written.
     """
+    pictures = track_figures(case, table)
+    written = _tables(case, rows, table, folder)
+    for done, (name, draw) in enumerate(pictures.items()):
+        if progress is not None:
+            progress("Pictures", done, len(pictures))
+        written += save(draw(), folder, name)
+    if progress is not None:
+        progress("Pictures", len(pictures), len(pictures))
+    return written
+
+
+def track_figures(case: TrackCase, table: list[Increase]) -> dict[str, Callable[[], Figure]]:
+    """Every picture of a track by name, each drawn when called."""
     pictures: dict[str, Callable[[], Figure]] = {
         "section": lambda: _section(case),
         "softening": lambda: _softening(case),
@@ -90,14 +103,7 @@ def draw_track(
         del pictures["softening"]
     if not table:
         del pictures["table4"]
-    written = _tables(case, rows, table, folder)
-    for done, (name, draw) in enumerate(pictures.items()):
-        if progress is not None:
-            progress("Pictures", done, len(pictures))
-        written += save(draw(), folder, name)
-    if progress is not None:
-        progress("Pictures", len(pictures), len(pictures))
-    return written
+    return pictures
 
 
 def vehicle_comparison(case: TrackCase) -> list[VehiclePeaks]:

@@ -93,6 +93,8 @@ LAYERS = (
     ("closing", "step_b", "factor_fit"),
     ("track_case", "track_report", "track_pictures", "pipeline", "doctor"),
     ("calibration", "inference", "tornado", "stopping", "life"),
+    ("report", "compare"),
+    ("export",),
     ("cli",),
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

@@ -8,7 +8,8 @@ Depends on: files, matplotlib.
 
 import functools
 import io
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ParamSpec
 
@@ -26,6 +27,11 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GREY = "#555555"
 MAP = "cividis"  # even in lightness, the same for all colour vision
 FORMATS = ("png", "svg")
+METADATA: dict[str, dict[str, None]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None},
+    "pdf": {"CreationDate": None},
+}
 _RULES: Any = {
     "axes.axisbelow": True,
     "axes.grid": True,
@@ -45,6 +51,7 @@ _RULES: Any = {
     "savefig.dpi": 150,
     "svg.fonttype": "path",
     "svg.hashsalt": "mcsettle",
+    "text.parse_math": False,  # a title may hold a dollar sign
 }
 
 
@@ -76,8 +83,8 @@ def legend_outside(axes: Axes, **options: Any) -> None:
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, **options)
 
 
-def save(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write ``figure`` as PNG and SVG into ``folder``; the same picture gives the same bytes.
+def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMATS) -> list[Path]:
+    """Write ``figure`` into ``folder`` in each format; the same picture gives the same bytes.
 
     Raises
     ------
@@ -85,17 +92,38 @@ def save(figure: Figure, folder: Path, name: str) -> list[Path]:
         If the folder cannot be written.
     """
     paths = []
-    for kind in FORMATS:
-        buffer = io.BytesIO()
-        metadata = {"Date": None} if kind == "svg" else {"Software": None}
-        with matplotlib.rc_context():
-            matplotlib.rcdefaults()
-            matplotlib.rcParams.update(_RULES)
-            figure.savefig(buffer, format=kind, metadata=metadata)
-        content = buffer.getvalue()
+    for kind in formats:
+        content = drawn(figure, kind)
 
         def fill(path: Path, content: bytes = content) -> None:
             path.write_bytes(content)
 
         paths.append(write_whole(folder, f"{name}.{kind}", fill))
     return paths
+
+
+def drawn(figure: Figure, kind: str, **rules: Any) -> bytes:
+    """``figure`` as the content of a file: "png", "svg" or "pdf"; ``rules`` over the common ones."""
+    buffer = io.BytesIO()
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_RULES | rules)
+        figure.savefig(buffer, format=kind, metadata=METADATA[kind])
+    return buffer.getvalue()
+
+
+def page_svg(figure: Figure, name: str) -> str:
+    """``figure`` as an SVG element to stand in a page, its text as text.
+
+    Ids begin with ``name``, so that several pictures do not share one.
+    """
+    text = drawn(figure, "svg", **{"svg.fonttype": "none"}).decode("utf-8")
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
+    return re.sub(r"<[^>]*>", functools.partial(_own_ids, name), text).strip()
+
+
+def _own_ids(name: str, tag: re.Match[str]) -> str:
+    """A tag with ``name`` before the ids it gives and uses."""
+    return re.sub(r'((?<![\w-])id="|href="#|url\(#)', rf"\1{name}-", tag[0])

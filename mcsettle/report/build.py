@@ -1,0 +1,134 @@
+"""The page of a report, put together: answer first, audit last.
+
+Depends on: report.*, study, tornado, track_case, track_report.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from mcsettle.report.answer import answer, question, scope
+from mcsettle.report.audit import limit_blocks, method_blocks, provenance_blocks
+from mcsettle.report.material import Material, StepAPart, read_material
+from mcsettle.report.page import Block, Page, Picture, Section, Text
+from mcsettle.report.pictures import (
+    PAPER,
+    growth_pictures,
+    single_track_pictures,
+    step_a_pictures,
+)
+from mcsettle.report.published import published_blocks
+from mcsettle.report.quality import (
+    calibration_blocks,
+    censoring_blocks,
+    convergence_blocks,
+    sensitivity_blocks,
+)
+from mcsettle.report.register import register_table
+from mcsettle.report.results import charge_blocks, result_blocks
+from mcsettle.report.scenarios import scenario_blocks
+from mcsettle.report.words import cut
+from mcsettle.step_a import Progress
+from mcsettle.tornado import Bar, tornado
+from mcsettle.track_case import track_cases
+from mcsettle.track_report import increases_at_surface
+
+
+def read_report(
+    folder: Path,
+    variant: str | None = None,
+    miles: bool = False,
+    with_step_a: bool = True,
+    with_tornado: bool = False,
+    progress: Progress | None = None,
+    processes: int = 1,
+) -> Page:
+    """The page of the run in ``folder``.
+
+    Parameters
+    ----------
+    folder : results of ``mcsettle run``
+    variant : the answer's variant (None: the first)
+    miles : costs per mile
+    with_step_a : with the pictures of the track, from the cache or computed
+    with_tornado : with one input at a time, computed
+    progress, processes : as for ``run_study``
+
+    Raises
+    ------
+    InputError
+        No finished run there, or no such variant.
+    """
+    material = read_material(folder, variant, miles)
+    if with_step_a:
+        case = _case_of(material, progress, processes)
+        table4 = tuple(increases_at_surface(case, progress))
+        material = replace(material, step_a=StepAPart(case, table4))
+    bars: Sequence[Bar] = ()
+    if with_tornado and material.study.uncertain:
+        bars = tornado(material.study, material.variant, progress=progress, processes=processes)
+    return build(material, bars)
+
+
+def _case_of(material: Material, progress: Progress | None, processes: int):  # type: ignore[no-untyped-def]
+    cases = track_cases(material.study, progress, processes)
+    own = [case for case in cases if case.variant == material.variant]
+    return (own or cases)[0]
+
+
+def build(material: Material, bars: Sequence[Bar] = ()) -> Page:
+    """The page of ``material``; ``bars``: a tornado, if one was computed."""
+    first = answer(material)
+    results = [*result_blocks(material), *growth_pictures(material)]
+    track = list(_track(material))
+    before = [
+        Section("method", "Method", tuple(method_blocks(material))),
+        Section("scenarios", "Scenarios", tuple(scenario_blocks(material))),
+        Section("results", "Results", tuple(results)),
+        Section("charges", "Charges", tuple(charge_blocks(material))),
+        Section("track", "Track, trains and single realisations", tuple(track)),
+    ]
+    after = [
+        Section("sensitivity", "Sensitivity", tuple(sensitivity_blocks(material, bars))),
+        Section("convergence", "Convergence", tuple(convergence_blocks(material))),
+        Section("censoring", "Censoring and failures", tuple(censoring_blocks(material))),
+        Section("calibration", "Calibration", tuple(calibration_blocks(material))),
+        Section("limits", "Limits and what is left out", tuple(limit_blocks(material))),
+        Section("register", "Assumptions register", (register_table(material.study),)),
+        Section("provenance", "Provenance", tuple(provenance_blocks(material))),
+    ]
+    title = cut(material.study.title, 300) or "Untitled study"
+    page = Page(title, question(material), scope(material), first, tuple(before))
+    published: list[Section] = []
+    if material.study.reference:
+        blocks = tuple(published_blocks(material, page.pictures))
+        published = [Section("published", "Published values beside ours", blocks)]
+        before = [_with_paper(section, material) for section in before]
+    held = material.provenance
+    footer = f"mcsettle {held.package_version}, study {held.study_digest[:16]}"
+    return replace(page, sections=(*before, *published, *after), footer=footer)
+
+
+def _track(material: Material) -> list[Block]:
+    if material.step_a is None:
+        text = (
+            "The pictures of the track and of single realisations need Step A and were not asked "
+            "for (--no-step-a)."
+        )
+        return [Text(text, "note")]
+    return [*single_track_pictures(material), *step_a_pictures(material)]
+
+
+def _with_paper(section: Section, material: Material) -> Section:
+    """Captions that name the paper's figure."""
+    economics = material.study.economics
+    speed = economics is not None and economics.effect == "speed"
+    blocks = []
+    for block in section.blocks:
+        if isinstance(block, Picture) and block.name in PAPER:
+            number = PAPER[block.name][0]
+            if block.name == "sd_time":
+                number = "12" if speed else "17"
+            block = replace(block, caption=f"{block.caption} Fig. {number} of the paper.")
+        blocks.append(block)
+    return replace(section, blocks=tuple(blocks))

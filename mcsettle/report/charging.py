@@ -1,0 +1,106 @@
+"""Marginal costs in the units of access charges: per gross tonne-km, train-km and vehicle-km.
+
+The marginal train of a scenario is the one that runs more often there than in the baseline; with
+tonnage as the driver its cost per train-km is its mass times the cost per tonne-km. With speed as
+the driver it is the train of the baseline, and its cost is the marginal cost per km/h times the
+difference of the speeds.
+
+Depends on: study, summary, report.material, units.
+"""
+
+from dataclasses import dataclass
+
+from mcsettle.estimate import Estimate
+from mcsettle.report.material import Material
+from mcsettle.study import Study
+from mcsettle.summary import SummaryRow
+from mcsettle.units import TONNE
+
+KM_PER_MILE = 1.609344
+
+
+@dataclass(frozen=True)
+class MarginalTrain:
+    """The train whose cost a scenario shows: ``mass`` t, ``axle_load`` t, ``speed`` km/h."""
+
+    name: str
+    cars: int
+    mass: float
+    axle_load: float
+    speed: float
+    base_speed: float | None = None
+
+
+@dataclass(frozen=True)
+class Charge:
+    """One marginal cost in one unit: ``factor`` times what ``row`` holds."""
+
+    scenario: str
+    unit: str
+    row: SummaryRow
+    factor: float
+
+    @property
+    def mean(self) -> Estimate | None:
+        """Mean over the sections: what a line of many sections costs; None where not known."""
+        rows = [*self.row.spread, *self.row.statistics]
+        found = (s.estimate for s in rows if s.statistic in ("section_mean", "mean"))
+        return next(found, None)
+
+
+def marginal_train(study: Study, scenario: str) -> MarginalTrain | None:
+    """The train a scenario adds or makes faster; None where it is not a single one."""
+    economics = study.priced
+    if economics is None or study.change(scenario) is None:
+        return None
+    before = _services(study, economics.baseline)
+    after = _services(study, scenario)
+    if economics.effect == "speed":
+        names = {name for name, _ in after}
+        if len(names) != 1 or {name for name, _ in before} != names:
+            return None
+        return _train(study, *next(iter(after)), base=next(iter(before))[1])
+    changes = {key: after.get(key, 0) - before.get(key, 0) for key in {*before, *after}}
+    moved = {key: n for key, n in changes.items() if n}
+    if len(moved) != 1 or next(iter(moved.values())) < 0:
+        return None
+    return _train(study, *next(iter(moved)))
+
+
+def charges(material: Material, scenario: str) -> list[Charge]:
+    """The marginal cost of ``scenario`` in every unit that it has."""
+    study, row = material.study, material.row(scenario, "marginal_cost")
+    change = study.change(scenario)
+    if row is None or change is None:
+        return []
+    train = marginal_train(study, scenario)
+    km, length = (KM_PER_MILE, "mile") if material.miles else (1.0, "km")
+    own = "£ per km/h per 1000 train" if change.effect == "speed" else "£ per 1000 gross tonne"
+    found = [Charge(scenario, f"{own}-{length}", row, km)]
+    if train is None:
+        return found
+    if change.effect == "speed" and train.base_speed is not None:
+        each = (train.speed - train.base_speed) / 1000.0
+        found.append(
+            Charge(scenario, f"£ per 1000 gross tonne-{length}", row, 1e3 * each / train.mass * km)
+        )
+    else:
+        each = train.mass / 1000.0
+    found.append(Charge(scenario, f"£ per train-{length}", row, each * km))
+    found.append(Charge(scenario, f"£ per vehicle-{length}", row, each / train.cars * km))
+    return found
+
+
+def _services(study: Study, scenario: str) -> dict[tuple[str, float], int]:
+    """Trains a day by name and speed [km/h]."""
+    found: dict[tuple[str, float], int] = {}
+    for entry in study.scenario(scenario).timetable:
+        key = (entry.train, entry.speed_kmh)
+        found[key] = found.get(key, 0) + entry.per_day
+    return found
+
+
+def _train(study: Study, name: str, speed: float, base: float | None = None) -> MarginalTrain:
+    train = study.trains[name]
+    mass = train.mass / TONNE
+    return MarginalTrain(name, len(train.cars), mass, mass / train.n_axles, speed, base)

@@ -1,0 +1,205 @@
+"""From the tables of a run to what its pictures show.
+
+Depends on: estimate, report.material, scipy, units, views.results.
+"""
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from mcsettle.estimate import interval_quantile
+from mcsettle.report.material import Material
+from mcsettle.units import DAYS_PER_YEAR
+from mcsettle.views.results import Convergence, Fan, Rate, Spread, Survival
+
+LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
+INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"
+MOVING = 100.0  # days of the moving average
+DENSITY_POINTS = 160
+LEAST_FOR_DENSITY = 30
+
+
+def fans(material: Material) -> list[Fan]:
+    """SD in time of every scenario of the answer's variant that has a history."""
+    found = []
+    for scenario in material.study.scenario_names:
+        grid = _histories(material, scenario)
+        if grid.empty:
+            continue
+        quantiles = grid.quantile(LEVELS, axis=1).to_numpy(dtype=float)
+        per_day = material.study.mgt_per_day(scenario)
+        found.append(Fan(material.title(scenario), grid.index.to_numpy(float), quantiles, per_day))
+    return _cut(found, material.study.limit.sd_limit_mm)
+
+
+def rates(material: Material, window: float = MOVING) -> list[Rate]:
+    """Change of the SD over the last ``window`` days, per year, by scenario.
+
+    A track that was tamped in between counts until then no more.
+    """
+    found = []
+    for scenario in material.study.scenario_names:
+        grid = _histories(material, scenario, at_limit=False)
+        if len(grid) < 3:
+            continue
+        days = grid.index.to_numpy(float)
+        ends = days[days > days[0] + 0.5 * window]
+        steps = []
+        for end in ends:
+            before = days[days < end]
+            start = before[np.argmin(np.abs(before - (end - window)))]
+            change = (grid.loc[end] - grid.loc[start]).to_numpy(float)
+            known = change[np.isfinite(change)] * DAYS_PER_YEAR / (end - start)
+            # Once half of the tracks are tamped the rest is no sample of them all.
+            if known.size >= max(3, 0.5 * grid.shape[1]):
+                steps.append((end, *np.quantile(known, (0.05, 0.5, 0.95))))
+        if len(steps) > 1:
+            table = np.array(steps).T
+            found.append(Rate(material.title(scenario), table[0], table[1:]))
+    return found
+
+
+def survivals(material: Material) -> list[Survival]:
+    """Kaplan–Meier curve of every scenario of the answer's variant."""
+    found = []
+    for scenario in material.study.scenario_names:
+        table = material.tracks(scenario)
+        if table.empty:
+            continue
+        days, ends = (_floats(table, c) for c in (INTERVAL, CENSORED))
+        events, horizons = days[np.isfinite(days)], ends[np.isnan(days) & np.isfinite(ends)]
+        row = material.row(scenario, INTERVAL)
+        published = row.reference.value if row is not None and row.reference else None
+        end = float(np.max([*events, *horizons]))
+        curve = _kaplan_meier(events, horizons)
+        found.append(Survival(material.title(scenario), *curve, end, published))
+    return found
+
+
+def spreads(material: Material, metric: str, density: bool = False) -> list[Spread]:
+    """Quantiles of a paired effect in every compared scenario of the answer's variant."""
+    found = []
+    for scenario in material.compared:
+        table = material.effects(scenario)
+        row = material.row(scenario, metric)
+        values = _floats(table, metric) if not table.empty else np.zeros(0)
+        values = values[np.isfinite(values)]
+        quantiles = None
+        if len(values) and row is not None and row.at(0.5).value is not None:
+            quantiles = tuple(float(q) for q in np.quantile(values, LEVELS))
+        published = row.reference.value if row is not None and row.reference else None
+        curve = _density(values) if density else None
+        found.append(Spread(material.title(scenario), quantiles, published, curve))
+    return found
+
+
+def growths(material: Material, metric: str) -> list[Spread]:
+    """Quantiles of a column of ``realisations`` in every scenario, where all of them are known."""
+    found = []
+    for scenario in material.study.scenario_names:
+        row, table = material.row(scenario, metric), material.tracks(scenario)
+        if row is None or table.empty:
+            continue
+        values = _floats(table, metric)
+        gaps = np.isnan(values)
+        quantiles = None
+        if not gaps.all() and gaps.mean() < 0.5:
+            # Tracks tamped before have grown more than any that is known.
+            filled = np.where(gaps, np.nanmax(values), values)
+            quantiles = tuple(float(q) for q in np.quantile(filled, LEVELS))
+        published = row.reference.value if row.reference else None
+        found.append(Spread(material.title(scenario), quantiles, published))
+    return found
+
+
+def convergence(material: Material) -> list[Convergence]:
+    """Median interval with its 95 % interval for the first n tracks, n doubling up to all."""
+    found = []
+    n = material.n_tracks
+    counts = [n]
+    while counts[-1] >= 16 and len(counts) < 8:
+        counts.append(-(-counts[-1] // 2))
+    for scenario in material.study.scenario_names:
+        table = material.tracks(scenario)
+        points = []
+        for count in sorted(counts):
+            part = table[table["realisation"] < count]
+            if part.empty or material.n_sets > 1:
+                continue
+            found_at = interval_quantile(_floats(part, INTERVAL), _floats(part, CENSORED), 0.5)
+            if found_at.value is not None:
+                limits = (found_at.lower, found_at.upper)
+                points.append((count, found_at.value, *(_or_nan(v) for v in limits)))
+        if points:
+            found.append(Convergence(material.title(scenario), *np.array(points, float).T))
+    return found
+
+
+def _or_nan(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
+def _floats(table: pd.DataFrame, column: str) -> np.ndarray:
+    return table[column].to_numpy(dtype=float, na_value=np.nan)
+
+
+def _histories(material: Material, scenario: str, at_limit: bool = True) -> pd.DataFrame:
+    """SD by day (rows) and track (columns); a tamped track at its limit, or empty."""
+    table, study = material.results.history, material.study
+    if table.empty:
+        return table
+    days = {0.0, *study.run.history_days}
+    own = table[(table["variant"] == material.variant) & (table["scenario"] == scenario)]
+    own = own[own["day"].isin(days)]
+    keys = ["parameter_set", "realisation"]
+    sound = pd.MultiIndex.from_frame(material.tracks(scenario)[keys])
+    own = own[pd.MultiIndex.from_frame(own[keys]).isin(sound)]
+    grid = own.pivot_table(index="day", columns=keys, values="sd_mm")
+    return grid.fillna(study.limit.sd_limit_mm) if at_limit else grid
+
+
+def _cut(found: list[Fan], limit: float) -> list[Fan]:
+    """Fans up to the day by which most tracks of every scenario are at the limit."""
+    if not found:
+        return found
+    ends = []
+    for fan in found:
+        full = np.flatnonzero(fan.quantiles[0] >= limit * (1.0 - 1e-9))
+        ends.append(fan.days[full[0]] if len(full) else fan.days[-1])
+    last = max(ends)
+    kept = [fan.days <= last for fan in found]
+    return [
+        Fan(fan.label, fan.days[keep], fan.quantiles[:, keep], fan.mgt_per_day)
+        for fan, keep in zip(found, kept, strict=True)
+    ]
+
+
+def _kaplan_meier(
+    events: np.ndarray, horizons: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Days, share surviving, and the 95 % band, at the events."""
+    if not len(events):
+        return (np.zeros(0),) * 4
+    curve = stats.ecdf(stats.CensoredData(uncensored=events, right=horizons)).sf
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="The confidence interval is undefined")
+        band: Any = curve.confidence_interval(0.95, method="log-log")
+    days, share = curve.quantiles, curve.probabilities
+    # Where the curve is 0 or 1 the band is undefined: drawn as the curve itself.
+    low = np.where(np.isfinite(band.low.probabilities), band.low.probabilities, share)
+    high = np.where(np.isfinite(band.high.probabilities), band.high.probabilities, share)
+    return days, share, low, high
+
+
+def _density(values: np.ndarray) -> np.ndarray | None:
+    """Values and a kernel density between P1 and P99; None for few or equal values."""
+    if len(values) < LEAST_FOR_DENSITY or np.ptp(values) <= 1e-6 * np.max(np.abs(values)):
+        return None
+    low, high = np.quantile(values, (0.01, 0.99))
+    if not low < high:
+        return None
+    grid = np.linspace(low, high, DENSITY_POINTS)
+    return np.array([grid, stats.gaussian_kde(values)(grid)])

@@ -1,0 +1,91 @@
+"""What a page consists of: frozen descriptions without any markup.
+
+Depends on: nothing.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph."""
+
+    text: str
+    kind: str = ""  # "", "lead", "note" or "warning"
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list of short statements; ``title`` stands above it."""
+
+    entries: tuple[str, ...]
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of cells already worded; the first ``n_text`` columns hold text, the rest numbers.
+
+    A row of a single cell is a heading over the rows below it.
+    """
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    n_text: int = 1
+    note: str = ""
+    small: bool = False
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture: ``figure`` a matplotlib Figure, ``alt`` what it shows in words.
+
+    ``least`` [px] is the width below which its text would be too small: it scrolls rather.
+    """
+
+    name: str
+    figure: Any
+    alt: str
+    caption: str
+    least: int = 340
+
+
+@dataclass(frozen=True)
+class Code:
+    """Lines to type or to keep."""
+
+    text: str
+    title: str = ""
+    folded: bool = False
+
+
+Block = Text | Bullets | Table | Picture | Code
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page; ``key`` is its address."""
+
+    key: str
+    title: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Page:
+    """The whole page: what is asked, what the answer is (the first page), then the sections."""
+
+    title: str
+    question: str
+    scope: str
+    answer: tuple[Block, ...]
+    sections: tuple[Section, ...]
+    footer: str = ""
+
+    @property
+    def pictures(self) -> list[Picture]:
+        """Every picture, in the order of the page."""
+        blocks = [*self.answer, *(b for section in self.sections for b in section.blocks)]
+        return [block for block in blocks if isinstance(block, Picture)]

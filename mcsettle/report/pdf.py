@@ -1,0 +1,90 @@
+"""The page printed to PDF by a headless Chromium (extra ``pdf``).
+
+The same engine that shows the page prints it, so what was looked at is what is printed. The file's
+dates are those of a fixed day: the same page gives the same bytes on one version of the browser.
+
+Depends on: errors, playwright.
+"""
+
+import os
+import re
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from mcsettle.errors import InputError
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+VARIABLE = "MCSETTLE_BROWSER"
+# The page needs nothing from elsewhere, and the browser shall not look for anything.
+QUIET = [
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+DATE = re.compile(rb"/(CreationDate|ModDate) \(D:\d{14}")
+
+
+def find_browser() -> str:
+    """Path of a Chromium: ``MCSETTLE_BROWSER``, one on the path, or the one Playwright installed.
+
+    Raises
+    ------
+    InputError
+        The extra is not installed, or no browser is found.
+    """
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise InputError(
+            "--pdf needs the extra 'pdf': pip install 'mcsettle[pdf]'; or print the HTML file from a "
+            "browser"
+        ) from None
+    named = os.environ.get(VARIABLE)
+    if named:
+        if Path(named).is_file():
+            return named
+        raise InputError(f"{VARIABLE} names {named}, which is no file")
+    found = next((path for name in NAMES if (path := shutil.which(name))), None)
+    if found:
+        return found
+    with sync_playwright() as tool:
+        own = tool.chromium.executable_path
+    if Path(own).is_file():
+        return own
+    raise InputError(
+        "--pdf needs Chromium: install it (package 'chromium', or 'playwright install chromium'), or "
+        f"name it in {VARIABLE}; or print the HTML file from a browser"
+    )
+
+
+def launch_options(browser: str) -> dict[str, Any]:
+    """How a headless browser is started; without its sandbox where the user is root."""
+    sandbox = [] if hasattr(os, "geteuid") and os.geteuid() else ["--no-sandbox"]
+    return {"executable_path": browser, "args": [*QUIET, *sandbox]}
+
+
+def print_pdf(text: str) -> bytes:
+    """An HTML page as PDF, A4.
+
+    Raises
+    ------
+    InputError
+        As ``find_browser``.
+    """
+    browser = find_browser()
+    from playwright.sync_api import sync_playwright
+
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as tool:
+        path = Path(folder) / "report.html"
+        path.write_text(text, encoding="utf-8")
+        program = tool.chromium.launch(**launch_options(browser))
+        page = program.new_page()
+        page.goto(path.as_uri())
+        content = page.pdf(prefer_css_page_size=True, print_background=True)
+        program.close()
+    return DATE.sub(rb"/\1 (D:20000101000000", content)

@@ -1,0 +1,157 @@
+"""Pictures beyond the results: growth and its rate, single tracks, and what Step A shows.
+
+``PAPER`` says which figure of the paper each one stands for, and why the two differ.
+
+Depends on: figures, report.curves, report.material, report.page, report.single_tracks,
+report.words, track_pictures.
+"""
+
+from collections.abc import Iterator
+
+from matplotlib.figure import Figure
+
+from mcsettle.figures.results import rates_figure, spreads_figure
+from mcsettle.figures.track_in_time import concept_figure, mixed_figure, profiles_figure
+from mcsettle.report.curves import MOVING, growths, rates
+from mcsettle.report.material import Material
+from mcsettle.report.page import Picture
+from mcsettle.report.single_tracks import (
+    TRACK,
+    mixed_days,
+    mixed_scenario,
+    prepared_step_a,
+    profiles_at_limit,
+)
+from mcsettle.report.words import DAYS, cut, number
+from mcsettle.track_pictures import track_figures
+
+GROWTH = "sd_growth_1y_mm"
+# Figures of the paper by our picture: number and why ours differs.
+PAPER = {
+    "vehicle_models": ("4", "on the paper's simplified track; its profile is not published"),
+    "freight_passage": ("5 and 6", "our profile, of the same class; settlement without any factor"),
+    "section": ("7", "half of it is solved; the absorbing border lies beyond"),
+    "concept": ("9", "drawn with the median intervals found here instead of symbols"),
+    "slice": ("10", "all cars alike, quasi-static part; the paper's train is of another length"),
+    "profiles": ("11", "one of our tracks; the paper's profile is not published"),
+    "sd_time": ("12 or 17", "medians and a band over many tracks instead of one track"),
+    "growth": ("13", "growth over the first 365 days, with its spread"),
+    "rates": ("14", "our reading: change over a moving window; the paper does not define its own"),
+    "stress_depth": ("15 and 16", "root mean square of the dynamic part over profile and axles"),
+    "mixed": ("18", "two whole days of one track, updated after every axle passage"),
+}
+NOT_DRAWN = {
+    "8": "needs the field record, which is not published; the validation study stands apart",
+}
+TITLES = {
+    "section": "Cross-section of track and ground with its mesh",
+    "softening": "Softened moduli under the first train",
+    "receptance": "Rail receptance over wavenumber and frequency",
+    "stress_depth": "Deviatoric stress against depth, quasi-static and dynamic",
+    "stress_along": "Quasi-static deviatoric stress along the track at several depths",
+    "slice": "Deflection of track and ground under the train",
+    "table4": "Increase of the stress at the subgrade surface with speed",
+    "vehicle_models": "Peak dynamic rail deflection by vehicle model",
+    "freight_passage": "Stress and settlement along the track as one freight axle passes",
+}
+PAGE_WIDTH = 7.4  # inches of a wide picture
+WIDE = 620  # px below which a wide picture scrolls
+
+
+def growth_pictures(material: Material) -> Iterator[Picture]:
+    """SD growth in a year, the rate of change in time, the tamping concept."""
+    values = growths(material, GROWTH)
+    if any(v.quantiles is not None for v in values):
+        figure = spreads_figure(values, "SD growth in the first 365 days [mm]")
+        alt = "SD growth in a year by scenario: " + "; ".join(
+            f"{cut(v.label, 40)}: median {number(v.quantiles[2])} mm"
+            for v in values
+            if v.quantiles is not None
+        )
+        text = "Growth of the SD in the first year: P5 to P95, middle half, median."
+        yield Picture("growth", figure, alt + ".", text)
+    curves = rates(material)
+    if curves:
+        alt = "Rate of change of the SD against days, by scenario: " + "; ".join(
+            f"{cut(c.label, 40)} from {number(float(c.rate[1, 0]))} to "
+            f"{number(float(c.rate[1, -1]))} mm/year"
+            for c in curves
+        )
+        text = (
+            f"Change of the SD over the last {MOVING:g} days, per year: medians; shaded, P5 to P95 "
+            "of the first scenario. Until half of the tracks are tamped."
+        )
+        yield Picture("rates", rates_figure(curves, MOVING), alt + ".", text)
+    yield from _concept(material)
+
+
+def _concept(material: Material) -> Iterator[Picture]:
+    prices, sd = material.study.priced, material.study.profile.sd_mm
+    if prices is None or sd is None or not material.compared:
+        return
+    scenario = material.compared[-1]
+    rows = [material.row(name, DAYS) for name in (prices.baseline, scenario)]
+    medians = [row.at(0.5).value for row in rows if row is not None]
+    if len(medians) < 2 or medians[0] is None or medians[1] is None:
+        return
+    base, other = medians[0], medians[1]
+    limit = material.study.limit.sd_limit_mm
+    figure = concept_figure(material.title(scenario), (base, base), (other, base), sd, limit)
+    alt = (
+        f"Two saw-tooth lines of SD against days: tamping first after {base:.0f} days in the "
+        f"baseline and after {other:.0f} with the change; later intervals are equal."
+    )
+    text = (
+        "How the cost is reckoned: the change acts until the first tamping, which comes earlier; "
+        "all later intervals keep the baseline's length. Straight lines between median days."
+    )
+    yield Picture("concept", figure, alt, text)
+
+
+def single_track_pictures(material: Material) -> Iterator[Picture]:
+    """Profiles at the limit and a few days of mixed traffic, of one track computed again."""
+    prepared = prepared_step_a(material)
+    shown = profiles_at_limit(material, prepared)
+    where = f"realisation {TRACK} of seed {material.study.seed}"
+    if shown:
+        alt = f"Profile of {where} before traffic and at the end: " + "; ".join(
+            f"{cut(p.label, 40)}: {'not reached' if p.days is None else f'day {p.days:.0f}'}"
+            for p in shown
+        )
+        text = f"One track ({where}) before traffic and at its limit, in the band of the SD."
+        yield Picture("profiles", profiles_figure(shown), alt + ".", text)
+    scenario = mixed_scenario(material)
+    view = None if scenario is None else mixed_days(material, scenario, prepared)
+    if view is not None and scenario is not None:
+        rise = float(view.sd[-1] - view.sd[0])
+        alt = (
+            f"SD of one track from day {view.days[0]:g} to {view.days[-1]:g} of mixed traffic; it "
+            f"rises by {number(rise)} mm."
+        )
+        text = (
+            f"Two days of mixed traffic on one track ({where}), {cut(material.title(scenario), 60)}: "
+            "updated after every axle passage. Time is shared out by passages."
+        )
+        yield Picture("mixed", mixed_figure(view), alt, text)
+
+
+def step_a_figures(material: Material) -> Iterator[tuple[str, Figure]]:
+    """Every picture of the track by name, sized for a page."""
+    part = material.step_a
+    if part is None:
+        return
+    for name, draw in track_figures(part.case, list(part.table4)).items():
+        figure = draw()
+        width, height = figure.get_size_inches()
+        if width > PAGE_WIDTH:
+            figure.set_size_inches(PAGE_WIDTH, height * min(1.0, (PAGE_WIDTH / width) ** 0.4))
+        yield name, figure
+
+
+def step_a_pictures(material: Material) -> Iterator[Picture]:
+    """The same in a page."""
+    for name, figure in step_a_figures(material):
+        text = TITLES.get(name, name.replace("_", " "))
+        part = material.step_a
+        train = "" if part is None else f" Track of variant {part.case.variant}."
+        yield Picture(name, figure, f"{text}.{train}", f"{text}.{train}", WIDE)

@@ -1,0 +1,274 @@
+"""How far the numbers can be trusted: sensitivity, convergence, censoring, calibration.
+
+Depends on: figures, report.curves, report.material, report.page, report.words, tornado.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from mcsettle.estimate import Statistic
+from mcsettle.figures.results import convergence_figure
+from mcsettle.figures.track_in_time import swings_figure
+from mcsettle.report.curves import convergence
+from mcsettle.report.material import Material
+from mcsettle.report.page import Block, Bullets, Picture, Table, Text
+from mcsettle.report.words import (
+    DAYS,
+    band,
+    cut,
+    level,
+    metric_words,
+    number,
+    unit_words,
+    with_error,
+)
+from mcsettle.tornado import Bar
+from mcsettle.views.results import Swing
+
+MOST_BARS = 10
+SHOWN = ("quantile", "mean", "restricted_mean", "section_mean")
+SHARES = ("parameters", "sections", "interaction")
+
+
+def sensitivity_blocks(material: Material, bars: Sequence[Bar]) -> Iterator[Block]:
+    """Variance split, first-order indices, tornado; and what else moves the answer."""
+    rows = material.of(material.variant)
+    split = [row for row in (_split_cells(r.scenario, r.metric, r.spread) for r in rows) if row]
+    if split:
+        head = ("scenario", "quantity", *SHARES)
+        note = (
+            "Shares of the variance, %: between parameter sets, between tracks, and both together."
+        )
+        yield Table("What the spread consists of", head, tuple(split), 2, note)
+    yield from _indices(material)
+    yield from _tornado(bars)
+    if not material.study.uncertain:
+        yield Text(
+            "No input of this study is uncertain, so there are no indices and there is no tornado. "
+            "What the choice of model does is told by the variants among the results.",
+            "note",
+        )
+    elif not bars:
+        yield Text(
+            "A tornado (each input at its P10 and P90, the others central) is drawn with "
+            "'mcsettle report DIR --tornado'.",
+            "note",
+        )
+    yield from _pairing(material)
+    yield from _lines(material)
+
+
+def _split_cells(scenario: str, metric: str, spread: Sequence[Statistic]) -> tuple[str, ...]:
+    shares = {s.subject: s.estimate for s in spread if s.statistic == "variance_share"}
+    if not shares:
+        return ()
+    cells = (_percent(shares[part].value, shares[part].standard_error) for part in SHARES)
+    return (scenario, metric_words(metric), *cells)
+
+
+def _percent(share: float | None, error: float | None) -> str:
+    if share is None:
+        return ""
+    return number(100.0 * share, 0) + (f" ± {number(100.0 * error, 0)}" if error else "")
+
+
+def _indices(material: Material) -> Iterator[Block]:
+    """First-order indices of the answer's metric: a picture and a table."""
+    for row in material.of(material.variant):
+        found = [s for s in row.spread if s.statistic == "first_order_index"]
+        if not found:
+            continue
+        found.sort(key=lambda s: -(s.estimate.value or 0.0))
+        cells = tuple(
+            (cut(s.subject, 80), _percent(s.estimate.value, s.estimate.standard_error))
+            for s in found
+        )
+        name = f"{row.scenario}, {metric_words(row.metric)}"
+        swings = [
+            Swing(s.subject.split(".")[-1].replace("_", " "), 0.0, 100.0 * (s.estimate.value or 0.0),
+                  100.0 * (s.estimate.standard_error or 0.0))
+            for s in found[:MOST_BARS]
+        ]  # fmt: skip
+        figure = swings_figure(swings, None, "first-order index [% of the variance]")
+        alt = f"First-order indices, {name}: " + "; ".join(
+            f"{a} {b} %" for a, b in cells[:MOST_BARS]
+        )
+        key = f"index-{row.scenario}-{row.metric}"
+        yield Picture(key, figure, alt + ".", f"First-order indices: {name}. Bars: ± one error.")
+        yield Table(f"First-order indices: {name}", ("input", "% of the variance"), cells, 1,
+                    small=True)  # fmt: skip
+
+
+def _tornado(bars: Sequence[Bar]) -> Iterator[Block]:
+    groups: dict[tuple[str, str], list[Bar]] = {}
+    for bar in bars:
+        groups.setdefault((bar.scenario, bar.metric), []).append(bar)
+    for (scenario, metric), own in groups.items():
+        name = f"{scenario}, {metric_words(metric)}"
+        centre, known = own[0].central, []
+        for bar in own[:MOST_BARS]:
+            if bar.at_low is not None and bar.at_high is not None:
+                label = bar.input.split(".")[-1].replace("_", " ")
+                known.append(Swing(label, bar.at_low, bar.at_high))
+        if centre is not None and known:
+            figure = swings_figure(known, centre, f"median, {unit_words(own[0].unit) or '1'}")
+            alt = f"Tornado of {name}, median {number(centre)}: " + "; ".join(
+                f"{s.label} {number(s.low)} to {number(s.high)}" for s in known
+            )
+            yield Picture(f"tornado-{scenario}-{metric}", figure, alt + ".", f"Tornado: {name}.")
+        rows = tuple(
+            (
+                cut(b.input, 80),
+                *(number(v) for v in (b.low, b.high, b.at_low, b.central, b.at_high)),
+            )
+            for b in own
+        )
+        head = ("input", "P10", "P90", "median at P10", "central", "median at P90")
+        yield Table(f"Tornado: {name}", head, rows, 1, small=True)
+
+
+def _pairing(material: Material) -> Iterator[Block]:
+    rows = []
+    for row in material.of(material.variant):
+        found = {s.statistic: s.estimate for s in row.spread}
+        if "pairing_gain" in found:
+            other = found.get("correlation")
+            rows.append(
+                (
+                    row.scenario,
+                    with_error(found["pairing_gain"])
+                    if found["pairing_gain"].value is not None
+                    else found["pairing_gain"].note,
+                    number(None if other is None else other.value, 3, ""),
+                )
+            )
+    if rows:
+        note = (
+            "Gain: variance of the logarithm of the ratio of two intervals on different tracks over "
+            "that on the same track. Correlation: of the logarithms."
+        )
+        head = ("scenario", "variance gain", "correlation")
+        yield Table("What pairing the same tracks gains", head, tuple(rows), 1, note)
+
+
+def _lines(material: Material) -> Iterator[Block]:
+    """Distribution of the mean over lines of several lengths."""
+    rows, lengths = [], []
+    for row in material.of(material.variant):
+        found = [s for s in row.spread if s.statistic == "line_mean"]
+        if not found:
+            continue
+        lengths = list(dict.fromkeys(s.subject for s in found))
+        cells = []
+        for length in lengths:
+            values = [s.estimate.value for s in found if s.subject == length]
+            cells.append(" / ".join(number(v) for v in values))
+        unit = unit_words(row.unit)
+        rows.append((row.scenario, f"{metric_words(row.metric)}, {unit}", *cells))
+    if rows:
+        note = (
+            "P5 / P50 / P95 of the mean over a line of independent sections. A price is for a line: "
+            "the spread between sections averages out along it, that of uncertain inputs does not."
+        )
+        head = ("scenario", "quantity", *lengths)
+        yield Table("Means over a line", head, tuple(rows), 2, note, small=True)
+
+
+def convergence_blocks(material: Material) -> Iterator[Block]:
+    """How the median settles as the sample grows, and the Monte Carlo error of the answer."""
+    curves = convergence(material)
+    if curves and any(len(c.counts) > 1 for c in curves):
+        alt = "Median interval against the number of tracks: " + "; ".join(
+            f"{cut(c.label, 40)} from {c.value[0]:.0f} to {c.value[-1]:.0f} days" for c in curves
+        )
+        text = "Median interval of the first n tracks, with its 95 % interval."
+        figure = convergence_figure(curves, "median interval [days]")
+        yield Picture("convergence", figure, alt + ".", text)
+    rows: list[tuple[str, ...]] = []
+    for row in material.of(material.variant):
+        rows.append((f"{row.scenario}, {metric_words(row.metric)}",))
+        for statistic in (*row.statistics, *row.spread):
+            if statistic.statistic not in SHOWN:
+                continue
+            estimate, at = statistic.estimate, statistic.level
+            limits = tuple(number(v, empty="open") for v in (estimate.lower, estimate.upper))
+            share = estimate.relative_error
+            name = statistic.statistic.replace("_", " ") if at is None else f"P{100 * at:.0f}"
+            error = number(estimate.standard_error, empty="unknown")
+            percent = number(None if share is None else 100.0 * share, 1, "")
+            rows.append((name, number(estimate.value), *limits, error, percent))
+    head = ("", "value", "lower", "upper", "s.e.", "s.e., %")
+    note = (
+        "Lower and upper: 95 % confidence limits of the number itself; open: not known. Restricted "
+        "mean: of the interval cut at the first censoring; section mean: over tracks and sets."
+    )
+    yield Table("Monte Carlo error of every number", head, tuple(rows), 1, note, small=True)
+
+
+def censoring_blocks(material: Material) -> Iterator[Block]:
+    """What became of every realisation."""
+    table = material.results.realisations
+    rows = []
+    for variant in material.study.variant_names:
+        for scenario in material.study.scenario_names:
+            own = table[(table["variant"] == variant) & (table["scenario"] == scenario)]
+            counts = own["status"].value_counts()
+            cells = (str(int(counts.get(s, 0))) for s in ("reached", "censored", "failed"))
+            rows.append((variant, scenario, str(len(own)), *cells))
+    head = ("variant", "scenario", "realisations", "reached", "censored", "failed")
+    horizon = material.study.limit.horizon_years
+    note = (
+        f"Censored: the horizon of {horizon:g} years came before the limit. A censored track stays "
+        "in every quantile as longer than the horizon; an effect with a censored member is unknown, "
+        "and a quantile that depends on it is not stated."
+    )
+    yield Table("What became of the realisations", head, tuple(rows), 2, note, small=True)
+    reasons = table.loc[table["status"] == "failed", "failure"].value_counts()
+    if len(reasons):
+        told = tuple(f"{n} × {cut(str(reason), 200)}" for reason, n in reasons.items())
+        yield Bullets(told, "Failures")
+
+
+def calibration_blocks(material: Material) -> Iterator[Block]:
+    """The fitted factor and its origin, and the results without it."""
+    study, note = material.study, material.study.calibration
+    if note is None:
+        yield Text("The study records no calibration.")
+    else:
+        origin = f" with {cut(note.study, 120)}" if note.study else ""
+        tracks = f", {note.realisations} tracks" if note.realisations else ""
+        yield Text(
+            f"A settlement factor of {note.factor:g} was fitted{origin} to one number: a median "
+            f"interval of {note.target_days:g} days in scenario {note.scenario}"
+            f"{f' of variant {note.variant}' if note.variant else ''}{tracks}. {cut(note.note, 400)}"
+        )
+    yield Text(
+        "The factor multiplies every settlement; it carries no physics. What was fitted is no "
+        "prediction; everything else is one, given the factor."
+    )
+    rows = []
+    for variant in study.variant_names:
+        factor = study.settlement_settings(variant).settlement_factor
+        for scenario in study.scenario_names:
+            row = material.row(scenario, DAYS, variant)
+            if row is not None:
+                growth = material.row(scenario, "sd_growth_1y_mm", variant)
+                shown = "" if growth is None else level(growth, 0.5)
+                fitted = note is not None and (note.scenario, note.factor) == (scenario, factor)
+                cells = (level(row, 0.5), band(row), shown, "fitted" if fitted else "")
+                rows.append((variant, f"{factor:g}", scenario, *cells))
+    head = (
+        "variant",
+        "factor",
+        "scenario",
+        "P50, days",
+        "P5 to P95",
+        "SD growth in a year, mm",
+        "",
+    )
+    yield Table("Intervals with and without a factor", head, tuple(rows), 3, small=True)
+    if not any(study.settlement_settings(v).settlement_factor == 1.0 for v in study.variant_names):
+        yield Text(
+            "No variant of this study has a factor of 1: the uncalibrated result is not known here. "
+            "Add a variant with settlement_factor = 1.",
+            "warning",
+        )

@@ -1,0 +1,75 @@
+"""A page as one self-contained HTML file, or its tables as Markdown.
+
+No script, nothing loaded from elsewhere (a content security policy says so to the browser), every
+text escaped; pictures are inline SVG. The same page gives the same bytes.
+
+Depends on: figures.style, report.page, jinja2.
+"""
+
+from importlib.resources import files
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from mcsettle.figures.style import page_svg
+from mcsettle.report.page import Bullets, Page, Table, Text
+
+
+def html(page: Page) -> str:
+    """The page as HTML."""
+    environment = Environment(
+        loader=FunctionLoader(_text),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=False,
+        keep_trailing_newline=True,
+    )
+    pictures = page.pictures
+    # Ours, not the user's: matplotlib has escaped what titles it holds.
+    svg = {p.name: Markup(page_svg(p.figure, p.name)) for p in pictures}
+    number = {p.name: place for place, p in enumerate(pictures, 1)}
+    template = environment.get_template("page.html")
+    style = Markup(_text("page.css").strip())
+    return template.render(page=page, svg=svg, number=number, style=style)
+
+
+def markdown(page: Page, sections: tuple[str, ...] = ()) -> str:
+    """Texts and tables of the page, or of the named sections, as Markdown."""
+    lines = [f"# {_escaped(page.title)}", ""]
+    parts = [s for s in page.sections if not sections or s.key in sections]
+    if not sections:
+        lines += [f"**{_escaped(page.question)}**", "", _escaped(page.scope), ""]
+        lines += [line for block in page.answer for line in _lines(block)]
+    for section in parts:
+        lines += [f"## {section.title}", ""]
+        lines += [line for block in section.blocks for line in _lines(block)]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _lines(block: object) -> list[str]:
+    if isinstance(block, Text):
+        return [_escaped(block.text), ""]
+    if isinstance(block, Bullets):
+        head = [f"**{_escaped(block.title)}**", ""] if block.title else []
+        return [*head, *(f"- {_escaped(entry)}" for entry in block.entries), ""]
+    if isinstance(block, Table):
+        rule = ["---" if i < block.n_text else "---:" for i in range(len(block.head))]
+        filled = ((*row, *("",) * (len(block.head) - len(row))) for row in block.rows)
+        rows = [_row(block.head), _row(tuple(rule)), *(_row(row) for row in filled)]
+        note = [_escaped(block.note), ""] if block.note else []
+        return [f"**{_escaped(block.caption)}**", "", *rows, "", *note]
+    return []
+
+
+def _row(cells: tuple[str, ...]) -> str:
+    return "| " + " | ".join(c if set(c) <= {"-", ":"} else _escaped(c) for c in cells) + " |"
+
+
+def _escaped(text: str) -> str:
+    for mark in "\\`*_|<>[]":
+        text = text.replace(mark, f"\\{mark}")
+    return text
+
+
+def _text(name: str) -> str:
+    return files("mcsettle.report").joinpath(name).read_text(encoding="utf-8")
