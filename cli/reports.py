@@ -24,9 +24,9 @@ def report(
         str | None, typer.Option(help="Variant of the first page (default: the first).")
     ] = None,
     miles: Annotated[bool, typer.Option("--miles", help="Costs per mile.")] = False,
-    step_a: Annotated[
-        bool, typer.Option("--step-a/--no-step-a", help="With pictures of the track.")
-    ] = True,
+    no_step_a: Annotated[
+        bool, typer.Option("--no-step-a", help="Leave out the pictures of the track.")
+    ] = False,
     tornado: Annotated[
         bool, typer.Option("--tornado", help="Also move each uncertain input by itself.")
     ] = False,
@@ -50,7 +50,7 @@ def report(
         from mcsettle.report.pdf import find_browser
 
         find_browser()  # before anything takes its time
-    page = read_report(folder, variant, miles, step_a, tornado, Progress(), cores())
+    page = read_report(folder, variant, miles, not no_step_a, tornado, Progress(), cores())
     text = html(page)
     written = [written_file(target, text.encode("utf-8"))]
     if markdown is not None:

@@ -6,7 +6,7 @@ Depends on: figures.style, views.results.
 """
 
 from collections.abc import Sequence
-from textwrap import fill, shorten
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -90,7 +90,7 @@ def overview_figure(
     draw_survival(panels[1], curves)
     if spreads:
         draw_spreads(panels[2], spreads, label)
-    figure.suptitle(shorten(title, 150), x=0.01, ha="left")
+    figure.suptitle(short(title, 150), x=0.01, ha="left")
     return figure
 
 
@@ -204,4 +204,6 @@ def finish(axes: Axes, place: Any = "best") -> None:
 
 def short(text: str, length: int = LABEL) -> str:
     """A title cut to what a picture has room for, without line breaks."""
-    return shorten(" ".join(text.split()) or "–", length, placeholder=" …") or text[:length]
+    printable = "".join(c if c.isprintable() else " " for c in text)
+    words = " ".join(printable.split()) or "–"
+    return words if len(words) <= length else words[: length - 2].rstrip() + " …"

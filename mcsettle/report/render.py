@@ -6,6 +6,7 @@ text escaped; pictures are inline SVG. The same page gives the same bytes.
 Depends on: figures.style, report.page, jinja2.
 """
 
+import re
 from importlib.resources import files
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
@@ -14,6 +15,8 @@ from markupsafe import Markup
 from mcsettle.figures.style import page_svg
 from mcsettle.report.page import Bullets, Page, Table, Text
 
+CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+
 
 def html(page: Page) -> str:
     """The page as HTML."""
@@ -21,6 +24,7 @@ def html(page: Page) -> str:
         loader=FunctionLoader(_text),
         autoescape=True,
         undefined=StrictUndefined,
+        finalize=_sound,
         trim_blocks=False,
         keep_trailing_newline=True,
     )
@@ -66,9 +70,16 @@ def _row(cells: tuple[str, ...]) -> str:
 
 
 def _escaped(text: str) -> str:
-    for mark in "\\`*_|<>[]":
+    for mark in "\\`*_|[]":
         text = text.replace(mark, f"\\{mark}")
-    return text
+    return text.replace("<", "&lt;").replace(">", "&gt;")
+
+
+def _sound(value: object) -> object:
+    """Texts without the control characters that HTML does not allow."""
+    if isinstance(value, str) and not isinstance(value, Markup):
+        return CONTROLS.sub("\ufffd", value)
+    return value
 
 
 def _text(name: str) -> str:

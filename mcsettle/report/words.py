@@ -6,7 +6,6 @@ Depends on: estimate, page, summary.
 import math
 import re
 import unicodedata
-from textwrap import shorten
 
 from mcsettle.estimate import Estimate
 from mcsettle.summary import SummaryRow
@@ -31,7 +30,8 @@ def plain(text: str) -> str:
 
 def cut(text: str, length: int = 160) -> str:
     """``text`` on one line of at most ``length`` characters."""
-    return shorten(plain(text), length, placeholder=" …") or plain(text)[:length]
+    words = " ".join(plain(text).split())
+    return words if len(words) <= length else words[: length - 2].rstrip() + " …"
 
 
 def number(value: float | None, places: int | None = None, empty: str = NOT_REACHED) -> str:

@@ -1,0 +1,117 @@
+"""Finished runs written by hand: intervals as given, so that what a report says is known beforehand."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mcsettle import rows, store
+from mcsettle.draws import all_sets
+from mcsettle.economics import paired_effects
+from mcsettle.study import Study, resolved_toml
+
+TOY = Path(__file__).resolve().parents[1] / "studies" / "toy.toml"
+
+
+def study(**changes: Any) -> Study:
+    """The toy study with tables replaced or, where both are tables, updated."""
+    data = tomllib.loads(TOY.read_text(encoding="utf-8"))
+    for name, new in changes.items():
+        if isinstance(new, dict) and isinstance(data.get(name), dict):
+            data[name] |= new
+        elif new is None:
+            data.pop(name, None)
+        else:
+            data[name] = new
+    return Study.from_mapping(data)
+
+
+def tonnage_study(**changes: Any) -> Study:
+    """A baseline of 72 passenger trains, and one more freight train."""
+    trains = {
+        "passenger": {"vehicle": "passenger", "cars": 11},
+        "freight": {"vehicle": "freight", "cars": 40},
+    }
+    base = [{"train": "passenger", "speed_kmh": 200.0, "per_day": 72}]
+    more = [*base, {"train": "freight", "speed_kmh": 97.0, "per_day": 1}]
+    scenarios = [{"name": "A", "timetable": base}, {"name": "C", "timetable": more}]
+    economics = {"effect": "tonnage", "baseline": "A"}
+    given = {"trains": trains, "scenarios": scenarios, "economics": economics, "calibration": None}
+    return study(**(given | changes))
+
+
+def write(folder: Path, made: Study, days: dict[str, Any], failed: tuple[int, ...] = ()) -> Path:
+    """A run of ``made`` in ``folder``: ``days`` by scenario, NaN where the horizon came first."""
+    provenance = store.Provenance("0", made.digest, "0" * 64, made.seed, "1.7.4", "f64", 8)
+    store.prepare(folder, provenance)
+    store.write_text(folder, "study.toml", resolved_toml(made))
+    values = {name: np.asarray(d, dtype=float) for name, d in days.items()}
+    bad = np.isin(np.arange(len(next(iter(values.values())))), failed)
+    values = {name: np.where(bad, np.nan, d) for name, d in values.items()}
+    ends = {name: _ends(made, d, bad) for name, d in values.items()}
+    for variant in made.variant_names:
+        for scenario, d in values.items():
+            _shard(folder, made, provenance, variant, scenario, d, ends[scenario], bad)
+        _effects(folder, made, provenance, variant, values, ends)
+    store.finish(folder)
+    return folder
+
+
+def _ends(made: Study, days: np.ndarray, bad: np.ndarray) -> np.ndarray:
+    return np.where(np.isnan(days) & ~bad, made.limit.horizon_days, np.nan)
+
+
+def _shard(folder, made, provenance, variant, scenario, days, ends, bad) -> None:
+    n = len(days)
+    reached = np.isfinite(days)
+    start, limit = made.profile.sd_mm or 1.0, made.limit.sd_limit_mm
+    keys = {"variant": [variant] * n, "scenario": [scenario] * n}
+    keys |= {"parameter_set": np.zeros(n, np.int32), "realisation": np.arange(n)}
+    status = np.where(bad, "failed", np.where(reached, "reached", "censored"))
+    growth = np.where(days > 365.0, (limit - start) * 365.0 / days, np.nan)
+    table = keys | {
+        "status": status.tolist(),
+        "tamping_interval_days": rows.nullable(days),
+        "censored_at_days": rows.nullable(ends),
+        "passages": np.full(n, 1000),
+        "tonnage_mgt": np.ones(n),
+        "sd_initial_mm": np.full(n, start),
+        "sd_final_mm": np.where(reached, limit, 0.5 * (start + limit)),
+        "mean_settlement_mm": np.ones(n),
+        "sd_growth_1y_mm": rows.nullable(growth),
+        "failure": [rows.FAILURE if b else None for b in bad],
+    }
+    name = store.shard_name(variant, scenario, 0, n - 1)
+    store.write(folder, "realisations", name, table, provenance, 0, n - 1)
+    last = np.where(reached, days, made.limit.horizon_days)
+    sampled = [d for d in (0.0, *made.run.history_days) if d <= made.limit.horizon_days]
+    entries = [
+        (int(i), d, start + (limit - start) * d / last[i])
+        for i in range(n)
+        for d in sorted({*sampled})
+        if d <= last[i] and not bad[i]
+    ]
+    m = len(entries)
+    history = {"variant": [variant] * m, "scenario": [scenario] * m}
+    history |= {"parameter_set": np.zeros(m, np.int32)}
+    history |= {"realisation": np.array([e[0] for e in entries], dtype=np.int64)}
+    history |= {"day": [e[1] for e in entries], "sd_mm": [e[2] for e in entries]}
+    store.write(folder, "history", name, history, provenance, 0, n - 1)
+
+
+def _effects(folder, made, provenance, variant, values, ends) -> None:
+    prices = made.priced
+    for scenario, days in values.items():
+        change = made.change(scenario)
+        if prices is None or change is None:
+            continue
+        base = prices.baseline
+        effects = paired_effects(
+            values[base], days, ends[base], ends[scenario], change,
+            prices.tamping_cost_gbp_per_track_km, prices.discount_rate,
+        )  # fmt: skip
+        member, n = all_sets(made)[0], len(days)
+        columns = rows.effect_columns(member, variant, scenario, range(n), effects)
+        name = store.shard_name(variant, scenario, 0, n - 1)
+        store.write(folder, "effects", name, columns, provenance, 0, n - 1)
