@@ -6,13 +6,15 @@ BIN := $(VENV)/bin
 # One BLAS thread a process: the work is parallel elsewhere, and results must not depend on it.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help env study test test-slow check lint types format paper bench clean
+.PHONY: help env study test test-slow test-browser check lint types format paper bench clean
 
 help:
-	@echo "make study      run studies/linespeed.toml: results, summary and picture in $(RESULTS)/linespeed"
+	@echo "make study      run studies/linespeed.toml: results in $(RESULTS)/linespeed, summary, picture"
 	@echo "make test       the tests (minutes)        make test-slow  the long ones too"
 	@echo "make check      lint, types and tests: what CI runs"
-	@echo "make paper      both studies of the paper  make bench      realisations a second"
+	@echo "make paper      both studies of the paper, with their reports: $(RESULTS)/linespeed.html, traffic.html"
+	@echo "make test-browser  the report in a headless Chromium"
+	@echo "make bench      realisations a second"
 	@echo "make env        the environment only       make clean      forget everything built"
 
 env: $(VENV)/.installed
@@ -24,17 +26,23 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 
 study: env
 	$(BIN)/mcsettle run studies/linespeed.toml --out $(RESULTS)/linespeed
-	$(BIN)/mcsettle summarise $(RESULTS)/linespeed --picture $(RESULTS)/linespeed/linespeed.png
+	$(BIN)/mcsettle summarise $(RESULTS)/linespeed --picture $(RESULTS)/linespeed.png
 
 paper: study
 	$(BIN)/mcsettle run studies/traffic.toml --out $(RESULTS)/traffic
-	$(BIN)/mcsettle summarise $(RESULTS)/traffic --picture $(RESULTS)/traffic/traffic.png
+	$(BIN)/mcsettle summarise $(RESULTS)/traffic --picture $(RESULTS)/traffic.png
+	$(BIN)/mcsettle report $(RESULTS)/linespeed --markdown $(RESULTS)/linespeed.md
+	$(BIN)/mcsettle report $(RESULTS)/traffic --markdown $(RESULTS)/traffic.md
 
 test: env
 	$(BIN)/pytest -m "not slow and not browser"
 
 test-slow: env
 	$(BIN)/pytest -m "not browser"
+
+# Says why and skips where there is no Chromium.
+test-browser: env
+	$(BIN)/pytest -m browser -rs tests/browser
 
 check: lint types test
 
