@@ -31,8 +31,17 @@ from mcsettle.study_schema import (
     TrainTable,
 )
 
-OMITTED = {"schema_version", "title", "reference", "calibration", "sources", "uncertain",
-           "correlations"}  # fmt: skip
+OMITTED = {
+    "schema_version",
+    "title",
+    "reference",
+    "calibration",
+    "sources",
+    "uncertain",
+    "correlations",
+    "observed",
+    "files_outside",
+}
 SHORT = 3  # list entries shown
 
 
@@ -163,7 +172,7 @@ def _shown(value: Any) -> str:
 
 
 def _distribution(table: Mapping[str, Any]) -> str:
-    others = {"input", "also", "distribution", "source"}
+    others = {"input", "also", "distribution", "source", "fitted"}
     given = [f"{k.replace('_', ' ')} {_shown(v)}" for k, v in table.items() if k not in others]
     shared = table.get("also", ())
     text = f"{table['distribution'].replace('_', '-')}: {', '.join(given)}"
