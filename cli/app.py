@@ -66,6 +66,14 @@ def init(
     talk(f"Wrote {path}. Next: mcsettle check {path}")
 
 
+def _warn(study: Any) -> None:
+    """Tell what is worth a second look in a sound study."""
+    from mcsettle.factor_origin import factor_warnings
+
+    for warning in (*study.warnings, *factor_warnings(study)):
+        talk(f"warning: {warning}")
+
+
 @app.command()
 @plainly
 def check(
@@ -79,8 +87,7 @@ def check(
     from mcsettle.study import load_study, resolved_toml
 
     loaded = load_study(study)
-    for warning in loaded.warnings:
-        talk(f"warning: {warning}")
+    _warn(loaded)
     typer.echo(
         resolved_toml(loaded) if resolved else "\n".join(study_lines(loaded)), nl=not resolved
     )
@@ -138,8 +145,7 @@ def run(
     loaded = load_study(study)
     checked_out(out)
     together(shards, until, max_minutes)
-    for warning in loaded.warnings:
-        talk(f"warning: {warning}")
+    _warn(loaded)
     options: dict[str, Any] = {
         "realisations": realisations,
         "parameter_sets": parameter_sets,
@@ -303,8 +309,7 @@ def track(
     loaded = load_study(study)
     if out is not None:
         checked_folder(out)
-    for warning in loaded.warnings:
-        talk(f"warning: {warning}")
+    _warn(loaded)
     from mcsettle.track_report import describe, increases_at_surface, track_cases
 
     progress = Progress()

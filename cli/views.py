@@ -93,10 +93,11 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
 
 
 def calibration_lines(found: Any) -> Iterator[str]:
-    """A calibration: the factor as a line of TOML, and what was done."""
+    """A calibration: the factor and what it belongs to as lines of TOML, and what was done."""
     yield f"settlement_factor = {found.factor:.6g}"
+    yield f'factor_digest = "{found.factor_digest}"'
     for field in dataclasses.fields(found):
-        if field.name != "factor":
+        if field.name not in ("factor", "factor_digest"):
             yield f"# {field.name}: {_value(getattr(found, field.name))}"
 
 

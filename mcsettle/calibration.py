@@ -4,7 +4,7 @@ The factor multiplies every settlement increment. Published inputs taken literal
 slowly than the case studies report, so a factor is needed to speak of the same intervals; what it was
 fitted to, and on how many tracks, belongs to the result.
 
-Depends on: case, engine, errors, estimate, scene, step_a, study.
+Depends on: case, engine, errors, estimate, factor_origin, scene, step_a, study.
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +16,7 @@ from mcsettle import engine
 from mcsettle.case import Case, Outcome
 from mcsettle.errors import InputError, NumericalError
 from mcsettle.estimate import Estimate, interval_quantile
+from mcsettle.factor_origin import transfer_identity
 from mcsettle.scene import build_case, initial_profiles
 from mcsettle.step_a import Progress, step_a
 from mcsettle.study import Study
@@ -31,6 +32,7 @@ class Calibration:
     ``factor`` makes the median of ``scenario`` equal ``target_days`` over ``realisations`` tracks;
     ``factor_low`` and ``factor_high`` do so at the ends of the median's 95 % Monte Carlo interval,
     and are None where that end is open or its median would lie beyond the horizon;
+    ``factor_digest`` names the transfer functions it belongs to (``factor_origin``);
     ``uncalibrated_growth_mm`` is the median SD growth within the target days at factor 1.
     """
 
@@ -47,6 +49,7 @@ class Calibration:
     mean_settlement_mm: float
     evaluations: int
     transfer_digest: str
+    factor_digest: str
 
 
 def calibrate(
@@ -100,6 +103,7 @@ def calibrate(
         mean_settlement_mm=float(np.median(outcome.mean_settlement[~outcome.failed])) * 1e3,
         evaluations=search.evaluations,
         transfer_digest=prepared.digest,
+        factor_digest=transfer_identity(study, variant, scenario),
     )
 
 

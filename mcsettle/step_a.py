@@ -19,7 +19,7 @@ import numpy as np
 from mcsettle.beam import beam_response
 from mcsettle.errors import InputError
 from mcsettle.files import cache_folder
-from mcsettle.interaction import HERTZ_STIFFNESS, precompute, transfer_digest
+from mcsettle.interaction import precompute, transfer_digest
 from mcsettle.irregularity import wavenumbers
 from mcsettle.soil import SofteningSettings
 from mcsettle.study import Study
@@ -176,17 +176,14 @@ class Shelf:
     """
 
     responses: dict[Ground, TrackResponse] = field(default_factory=dict)
-    found: dict[tuple[Track, float, Softened | None, Service], TransferFunctions] = field(
-        default_factory=dict
-    )
+    found: dict[Any, TransferFunctions] = field(default_factory=dict)
     axle_loads: dict[str, float] = field(default_factory=dict)
     first: set[Any] = field(default_factory=set)
 
     @classmethod
     def of(cls, study: Study) -> "Shelf":
         """An empty shelf for the parameter sets of ``study``."""
-        linear = study.track_table.soil == "linear"
-        trains = study.trains.items() if linear else ()
+        trains = study.trains.items()
         return cls(axle_loads={name: train.cars[0].axle_load for name, train in trains})
 
     def trim(self, used: set[Any]) -> None:
@@ -194,7 +191,7 @@ class Shelf:
         self.first = self.first or used
         for table in (self.responses, self.found):
             for key in set(table) - used - self.first:
-                del table[key]  # type: ignore[arg-type]
+                del table[key]
 
 
 def step_a(
@@ -208,7 +205,7 @@ def step_a(
     With a ``shelf`` what is on it is taken, and what was needed is put there.
     """
     share, shelf = shelf is not None, shelf or Shelf()
-    modes = study_wavenumbers(study)
+    modes, contact = study_wavenumbers(study), study.track_table.hertz_stiffness_n_per_m
     responses, found = shelf.responses, shelf.found
     settings = section_settings(study)
     if workers > 1:
@@ -223,14 +220,16 @@ def step_a(
             for service in study.timetable(scenario).services:
                 softened = softened_by(study, variant, service)
                 ground = (track, depth, softened)
-                key = (*ground, Service(service.train, service.speed, 1))
+                key = (*ground, Service(service.train, service.speed, 1), contact)
                 if key not in found:
                     if ground not in responses:
                         responses[ground] = track_response(
                             *ground[:2], progress, workers, softened, settings
                         )
+                    # On soil that softens the axle load decides the ground: nothing is in proportion.
+                    own = shelf.axle_loads if softened is None else {}
                     found[key] = _transfer(
-                        responses[ground], service, modes, progress, shelf.axle_loads
+                        responses[ground], service, modes, contact, progress, own
                     )
                 group.append(found[key])
                 used |= {key, ground}
@@ -261,17 +260,20 @@ def _soften_ahead(
         one_blas_thread(),
         ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool,
     ):
-        running = [pool.submit(_ahead, *job, modes) for job in jobs]
+        contact = study.track_table.hertz_stiffness_n_per_m
+        running = [pool.submit(_ahead, *job, modes, contact) for job in jobs]
         for done, finished in enumerate(as_completed(running), 1):
             finished.result()
             if progress is not None:
                 progress("Step A: equivalent-linear grounds", done, len(jobs))
 
 
-def _ahead(track: Track, depth: float, softened: Softened, modes: np.ndarray) -> None:
+def _ahead(
+    track: Track, depth: float, softened: Softened, modes: np.ndarray, contact: float
+) -> None:
     """One softened ground and its transfer functions, into the cache folder."""
     response = track_response(track, depth, softened=softened)
-    _computed(response, Service(softened.train, softened.speed, 1), modes, None)
+    _computed(response, Service(softened.train, softened.speed, 1), modes, contact, None)
 
 
 def _without_laws(track: Track) -> Track:
@@ -292,6 +294,7 @@ def _transfer(
     response: TrackResponse,
     service: Service,
     modes: np.ndarray,
+    contact: float,
     progress: Progress | None,
     axle_loads: dict[str, float],
 ) -> TransferFunctions:
@@ -299,18 +302,22 @@ def _transfer(
     train = service.train
     load, own = axle_loads.get(train.name), train.cars[0].axle_load
     if load is None or load == own or len({car.axle_load for car in train.cars}) > 1:
-        return _computed(response, service, modes, progress)
+        return _computed(response, service, modes, contact, progress)
     cars = tuple(replace(car, axle_load=load) for car in train.cars)
     base = replace(service, train=replace(train, cars=cars))
-    digest = transfer_digest(train, service.speed, modes, HERTZ_STIFFNESS, response.digest)
-    return scaled_to(_computed(response, base, modes, progress), own / load, digest)
+    digest = transfer_digest(train, service.speed, modes, contact, response.digest)
+    return scaled_to(_computed(response, base, modes, contact, progress), own / load, digest)
 
 
 def _computed(
-    response: TrackResponse, service: Service, modes: np.ndarray, progress: Progress | None
+    response: TrackResponse,
+    service: Service,
+    modes: np.ndarray,
+    contact: float,
+    progress: Progress | None,
 ) -> TransferFunctions:
     """One set of transfer functions, from the cache if it is there and sound."""
-    digest = transfer_digest(service.train, service.speed, modes, HERTZ_STIFFNESS, response.digest)
+    digest = transfer_digest(service.train, service.speed, modes, contact, response.digest)
     path = cache_folder() / f"transfer-{digest[:32]}.npz"
     if path.exists():
         try:
@@ -320,7 +327,7 @@ def _computed(
                 progress(f"Recomputing a damaged cache file ({error})", 1, 1)
     text = f"Step A: {service.train.name} at {service.speed * 3.6:.0f} km/h"
     steps = None if progress is None else lambda done, total: progress(text, done, total)
-    transfer = precompute(service.train, service.speed, response, modes, progress=steps)
+    transfer = precompute(service.train, service.speed, response, modes, contact, steps)
     save(transfer, path)
     return transfer
 

@@ -138,6 +138,11 @@ class Study(Table):
         """Names of the variants, in the order of the file."""
         return tuple(variant.name for variant in self.variants)
 
+    @property
+    def softens(self) -> bool:
+        """Whether the soil of any variant is equivalent-linear."""
+        return any((v.soil or self.track_table.soil) != "linear" for v in self.variants)
+
     @cached_property
     def trains(self) -> Mapping[str, Train]:
         """Every train of the study by name."""
@@ -155,8 +160,9 @@ class Study(Table):
         data["run"].pop("realisations")
         data["run"].pop("parameter_sets", None)
         data.get("economics", {}).pop("price_base_year", None)
-        for entry in data["scenarios"] + data["variants"]:
+        for entry in [*data["scenarios"], *data["variants"], data["settlement"]]:
             entry.pop("title", None)
+            entry.pop("factor_digest", None)
         for entry in data.get("uncertain", []) + data.get("correlations", []):
             entry.pop("source", None)
         if self.profile.file is not None:  # what is in the file decides, not what it is called
@@ -380,7 +386,7 @@ class Study(Table):
         """Copy with presets, vehicles, variants and economics written out."""
         return self.model_copy(
             update={
-                "track_table": resolved_track(self.track_table),
+                "track_table": resolved_track(self.track_table, self.softens),
                 "train_tables": {k: resolved_train(t) for k, t in self.train_tables.items()},
                 "variants": tuple(
                     resolved_variant(v, self.settlement, self._uncertain_settlement)

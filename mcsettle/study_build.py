@@ -112,7 +112,7 @@ CURVE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "seed_idriss_mean": (),
     "seed_idriss_upper": (),
 }
-SETTLEMENT_KEYS = tuple(SettlementTable.model_fields)
+SETTLEMENT_KEYS = tuple(key for key in SettlementTable.model_fields if key != "factor_digest")
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,11 @@ def build_softening(
     table: TrackTable, variant: VariantTable | None = None
 ) -> SofteningSettings | None:
     """How the layers of a study's track soften, those of ``variant`` over its own; None: linear."""
+    own = None if variant is None else variant.soil
+    if (own or table.soil) == "linear":
+        return None
     track = build_track(table, variant)
-    if table.soil == "linear" or not isinstance(track, SectionTrack):
+    if not isinstance(track, SectionTrack):
         return None
     curves = []
     for layer, curve in zip(track.layers, SofteningSettings().layer_curves(track), strict=True):
@@ -225,16 +228,16 @@ def settlement_settings(table: SettlementTable, variant: VariantTable) -> Settle
     return SettlementSettings(**{k: common[k] if v is None else v for k, v in own.items()})
 
 
-def resolved_track(table: TrackTable) -> TrackTable:
-    """``table`` with every value of its preset written out."""
+def resolved_track(table: TrackTable, softens: bool) -> TrackTable:
+    """``table`` with every value of its preset written out, and of the curves if a soil ``softens``."""
     track = build_track(table)
     tables: dict[str, Any] = {
         "preset": table.preset_name,
         "rail": described(track.rail, RAIL_PATHS),
         "layers": {layer.name: described(layer, LAYER_PATHS) for layer in track.layers},
     }
-    softening = build_softening(table)
-    if softening is not None:
+    softening = build_softening(table.model_copy(update={"soil": "equivalent_linear"}))
+    if softens and softening is not None:
         tables["softening"] = (table.softening or SofteningTable()).model_dump()
         for name, curve in softening.curves:
             kept = {"curve", *CURVE_PARAMETERS[curve.kind]}
@@ -262,6 +265,8 @@ def resolved_variant(
     settings = asdict(settlement_settings(settlement, table))
     own = table.model_dump(exclude_none=True)
     inherited = {key: value for key, value in settings.items() if key not in uncertain}
+    if table.settlement_factor is None and settlement.factor_digest is not None:
+        inherited["factor_digest"] = settlement.factor_digest
     return VariantTable.model_validate(inherited | own)
 
 

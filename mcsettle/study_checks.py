@@ -11,7 +11,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from mcsettle.filters import D1
-from mcsettle.study_build import CURVE_PATHS, build_track, build_train
+from mcsettle.study_build import (
+    CURVE_PATHS,
+    LAYER_PATHS,
+    build_track,
+    build_train,
+    described,
+)
 from mcsettle.study_faults import Fault, dotted, shown, suggestion
 from mcsettle.study_schema import (
     CalibrationTable,
@@ -133,6 +139,7 @@ def _geometry(parts: Parts) -> Iterator[Fault]:
                 f"track.{key}", f"has no meaning with model = {shown(table.model)}; leave it out"
             )
     yield from _soil(table, parts)
+    yield from _without_effect(table, parts)
     known = [layer.name for layer in TRACKS[table.preset_name].layers]
     yield from _unknown_layers("track.layers", table.layers, known)
     yield from _buildable("track", table, None)
@@ -145,21 +152,44 @@ def _geometry(parts: Parts) -> Iterator[Fault]:
 
 def _soil(table: TrackTable, parts: Parts) -> Iterator[Fault]:
     """Softening needs the section model; its keys need a soil that softens."""
-    if table.soil != "linear" and table.model == "beam":
-        yield Fault(
-            "track.soil", f"received {shown(table.soil)}; with model = 'beam' it is 'linear'"
-        )
-    if table.soil != "linear":
-        return
+    groups = [("track", table.soil, table.soil, table.layers)]
+    for index, variant in parts.variants.items():
+        path = dotted(("variants", index))
+        groups.append((path, variant.soil, variant.soil or table.soil, variant.layers))
+    softens = any(soil != "linear" for _, _, soil, _ in groups)
     unused = "has no meaning with soil = 'linear'; leave it out"
-    if table.softening is not None:
+    if table.softening is not None and not softens:
         yield Fault("track.softening", unused)
+    for path, given, soil, layers in groups:
+        if given == "equivalent_linear" and table.model == "beam":
+            message = f"received {shown(given)}; with model = 'beam' it is 'linear'"
+            yield Fault(f"{path}.soil", message)
+        if soil != "linear" or (path == "track" and softens):
+            continue  # curves of the track are those of a variant that softens
+        for name, layer in layers.items():
+            for key in CURVE_PATHS:
+                if getattr(layer, key) is not None:
+                    yield Fault(f"{path}.layers.{name}.{key}", unused)
+
+
+def _without_effect(table: TrackTable, parts: Parts) -> Iterator[Fault]:
+    """What the beam model does not know, where it differs from the preset's."""
+    if table.model != "beam":
+        return
+    preset = TRACKS[table.preset_name]
+    unused = "has no effect with model = 'beam', whose stiffness is track.support; leave it out"
+    if table.damping_convention != "damping_ratio":
+        yield Fault("track.damping_convention", unused)
+    if table.rail.offset_m not in (None, preset.rail.offset):
+        yield Fault("track.rail.offset_m", unused)
+    own = {layer.name: described(layer, LAYER_PATHS) for layer in preset.layers}
     groups = [("track", table.layers)]
     groups += [(dotted(("variants", i)), v.layers) for i, v in parts.variants.items()]
     for path, layers in groups:
         for name, layer in layers.items():
-            for key in CURVE_PATHS:
-                if getattr(layer, key) is not None:
+            for key in ("youngs_modulus_pa", "poisson", "damping"):
+                value = getattr(layer, key)
+                if name in own and value is not None and value != own[name].get(key):
                     yield Fault(f"{path}.layers.{name}.{key}", unused)
 
 

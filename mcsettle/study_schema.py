@@ -20,6 +20,8 @@ Fraction = Annotated[float, Field(ge=0, lt=0.5)]
 Positive = Annotated[float, Field(gt=0)]
 Cycles = Annotated[float, Field(ge=1, le=1e12)]
 StressKind = Literal["traffic", "total"]
+Soil = Literal["linear", "equivalent_linear"]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 CycleCount = Literal["shared", "per_vehicle"]
 METRICS = Literal[
     "tamping_interval_days",
@@ -111,13 +113,17 @@ class SupportTable(Table):
 
 
 class TrackTable(Table):
-    """``[track]``: a named track of the paper and what differs from it."""
+    """``[track]``: a named track of the paper and what differs from it.
+
+    ``hertz_stiffness_n_per_m`` is of the contact of one wheelset: two rails.
+    """
 
     model: Literal["section", "beam"] = "section"
     preset: Literal["case_study", "validation", "beam"] | None = None
-    soil: Literal["linear", "equivalent_linear"] = "linear"
+    soil: Soil = "linear"
     damping_convention: Literal["damping_ratio", "loss_factor"] = "damping_ratio"
     allow_supercritical: bool = False
+    hertz_stiffness_n_per_m: u.SpringStiffness = 2.72e9
     rail: RailTable = RailTable()
     pad: PadTable = PadTable()
     sleeper: SleeperTable = SleeperTable()
@@ -180,7 +186,10 @@ class ProfileTable(Table):
 
 
 class SettlementTable(Table):
-    """``[settlement]``: how stress and load cycles become settlement (Step B)."""
+    """``[settlement]``: how stress and load cycles become settlement (Step B).
+
+    ``factor_digest`` says which transfer functions the factor was found for; it changes nothing.
+    """
 
     stress: StressKind = "traffic"
     cycles: CycleCount = "shared"
@@ -189,6 +198,7 @@ class SettlementTable(Table):
     cycles_per_passage: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     settlement_factor: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     integration_depth_m: Annotated[u.Metres, Field(le=100)] = 5.5
+    factor_digest: Digest | None = None
 
 
 class LimitTable(Table):
@@ -293,6 +303,7 @@ class VariantTable(Table):
 
     name: Name
     title: Text = ""
+    soil: Soil | None = None
     stress: StressKind | None = None
     cycles: CycleCount | None = None
     ballast_cycles_before: Cycles | None = None
@@ -300,6 +311,7 @@ class VariantTable(Table):
     cycles_per_passage: Annotated[float, Field(gt=0, le=1e6)] | None = None
     settlement_factor: Annotated[float, Field(gt=0, le=1e6)] | None = None
     integration_depth_m: Annotated[u.Metres, Field(le=100)] | None = None
+    factor_digest: Digest | None = None
     layers: dict[Name, LayerTable] = {}
 
 

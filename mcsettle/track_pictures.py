@@ -112,7 +112,7 @@ def vehicle_comparison(case: TrackCase) -> list[VehiclePeaks]:
     return [
         vehicle_peaks(
             vehicle, cars, speed, models, TOY_TRACK, amplitudes, case.wavenumbers,
-            case.study.profile.window_m,
+            case.study.profile.window_m, case.study.track_table.hertz_stiffness_n_per_m,
         )
         for vehicle, cars, speed, models in MODELS.values()
     ]  # fmt: skip
@@ -122,7 +122,8 @@ def freight_passage(case: TrackCase, cars: int = FREIGHT_CARS) -> AxlePassage:
     """Figs. 5 and 6: a freight axle on FRA class 4, unscaled, on the study's track, factor 1."""
     train = Train("freight", (FREIGHT,) * cars)
     response = response_under(case.study, case.variant, Service(train, FREIGHT_SPEED, 1))
-    transfer = precompute(train, FREIGHT_SPEED, response, case.wavenumbers)
+    contact = case.study.track_table.hertz_stiffness_n_per_m
+    transfer = precompute(train, FREIGHT_SPEED, response, case.wavenumbers, contact)
     settings = case.study.settlement_settings(case.variant)
     model = SettlementModel(
         tuple(layer.law for layer in case.track.layers),

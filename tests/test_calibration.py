@@ -9,6 +9,7 @@ import toy
 from mcsettle.calibration import calibrate
 from mcsettle.engine import Engine
 from mcsettle.errors import InputError
+from mcsettle.factor_origin import transfer_identity
 from mcsettle.pipeline import build_case, initial_profiles
 from mcsettle.step_a import step_a
 
@@ -53,6 +54,7 @@ def test_what_it_reports(study, found, told):
     assert (found.target_days, found.realisations, found.seed) == (TARGET, 8, study.seed)
     assert found.factor_low < found.factor < found.factor_high
     assert found.transfer_digest == step_a(study).digest
+    assert found.factor_digest == transfer_identity(study, "base", "v201")
     outcome = run(study, found.factor)
     assert found.mean_settlement_mm == pytest.approx(
         np.median(outcome.mean_settlement) * 1e3, rel=1e-9

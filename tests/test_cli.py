@@ -223,7 +223,9 @@ def test_exit_codes(tmp_path: Path, pipeline: SimpleNamespace) -> None:
 def test_calibrate_prints_the_factor(monkeypatch: pytest.MonkeyPatch) -> None:
     from dataclasses import make_dataclass
 
-    found = make_dataclass("Found", ["scenario", "factor", "realisations"])("v201", 31.25, 32)
+    found = make_dataclass("Found", ["scenario", "factor", "realisations", "factor_digest"])(
+        "v201", 31.25, 32, "0123456789abcdef"
+    )
 
     def calibrate(study: Study, scenario: str, days: float, **options: Any) -> Any:
         assert (scenario, days, options["variant"]) == ("v201", 697.0, None)

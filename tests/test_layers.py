@@ -78,6 +78,7 @@ LAYERS = (
     ),
     ("study_read",),
     ("study",),
+<<<<<<< HEAD
     (
         "draws",
         "observed",
@@ -91,6 +92,10 @@ LAYERS = (
     ),
     ("fits",),
     ("closing", "step_b", "factor_fit"),
+=======
+    ("draws", "step_a", "scene", "summary_spread", "summary", "summary_table", "rows"),
+    ("factor_origin",),
+>>>>>>> fe88340 (Cross soils in variants; let factors name their transfer functions; grow bases without copies)
     ("track_case", "track_report", "track_pictures", "pipeline", "doctor"),
     ("calibration", "inference", "tornado", "stopping", "life"),
     ("report", "compare"),

@@ -10,6 +10,7 @@ import pytest
 from mcsettle import step_a
 from mcsettle.curves import Curve
 from mcsettle.errors import InputError
+from mcsettle.factor_origin import factor_warnings, transfer_identity
 from mcsettle.soil import EMBANKMENT_CURVE, GROUND_CURVE, SofteningSettings
 from mcsettle.study import Study, resolved_toml
 from mcsettle.track import CASE_STUDY_TRACK
@@ -104,6 +105,83 @@ def test_faults_are_told(keys: dict[str, Any], told: str) -> None:
     with pytest.raises(InputError) as caught:
         Study.from_mapping(with_track(**keys))
     assert told in str(caught.value)
+
+
+def test_a_variant_may_soften_what_the_study_does_not() -> None:
+    data = with_track(soil="linear", softening={"tolerance": 0.01})
+    data["variants"] = [{"name": "as_given"}, {"name": "soft", "soil": "equivalent_linear"}]
+    study = Study.from_mapping(data)
+    assert study.softening("as_given") is None
+    soft = study.softening("soft")
+    assert soft is not None
+    assert soft.tolerance == 0.01
+    again = Study.from_mapping(tomllib.loads(resolved_toml(study)))
+    assert again == study
+    assert again.softening("soft") == soft
+    data["track"] |= {"model": "beam"}
+    with pytest.raises(InputError, match=r"variants\[2\]\.soil"):
+        Study.from_mapping(data)
+
+
+def factor(**keys: Any) -> dict[str, Any]:
+    data = with_track(soil="linear")
+    data["settlement"] = {"settlement_factor": 20.0}
+    data["variants"] = [{"name": "as_given"}, {"name": "own", "settlement_factor": 1.0},
+                        {"name": "soft", "soil": "equivalent_linear"}]  # fmt: skip
+    identity = transfer_identity(Study.from_mapping(data), "as_given", "a")
+    data["settlement"]["factor_digest"] = identity
+    for path, value in keys.items():
+        table, key = path.split("__")
+        data[table] = {**data.get(table, {}), key: value}
+    return data
+
+
+def test_a_factor_knows_its_transfer_functions() -> None:
+    study = Study.from_mapping(factor())
+    assert study.variant("own").factor_digest is None  # a factor of its own
+    (remark,) = factor_warnings(study)  # the softened ground is another one
+    given = study.settlement.factor_digest or ""
+    own = transfer_identity(study, "soft", "a")
+    for part in ("'soft'", given, own, "mcsettle calibrate STUDY --scenario a --variant soft"):
+        assert part in remark
+    assert given != own
+    again = Study.from_mapping(tomllib.loads(resolved_toml(study)))
+    assert factor_warnings(again) == [remark]
+
+
+@pytest.mark.parametrize(
+    ("change", "other"),
+    [
+        ({"track__hertz_stiffness_n_per_m": 2e9}, True),
+        ({"track__layers": {"subgrade": {"youngs_modulus_pa": 6e7}}}, True),
+        ({"track__layers": {"subgrade": {"strength_pa": 6e4}}}, False),
+        ({"profile__window_m": 400.0}, True),
+        ({"profile__sd_mm": 1.2}, False),
+        ({"settlement__settlement_factor": 2.0}, False),
+    ],
+)
+def test_what_transfer_functions_depend_on_changes_their_digest(
+    change: dict[str, Any], other: bool
+) -> None:
+    remarks = factor_warnings(Study.from_mapping(factor(**change)))
+    assert any("'as_given'" in remark for remark in remarks) == other
+
+
+def test_a_factor_digest_changes_no_result() -> None:
+    without = factor()
+    del without["settlement"]["factor_digest"]
+    assert Study.from_mapping(without).digest == Study.from_mapping(factor()).digest
+
+
+def test_a_beam_has_no_moduli_of_layers() -> None:
+    data = with_track(model="beam", soil="linear", damping_convention="loss_factor")
+    data["track"]["layers"] = {"subgrade": {"youngs_modulus_pa": 6e7, "strength_pa": 1e5}}
+    data["track"]["rail"] = {"offset_m": 0.7}
+    with pytest.raises(InputError) as caught:
+        Study.from_mapping(data)
+    for key in ("damping_convention", "rail.offset_m", "layers.subgrade.youngs_modulus_pa"):
+        assert f"track.{key}: has no effect" in str(caught.value)
+    assert "strength_pa" not in str(caught.value)
 
 
 def test_every_service_has_a_ground_of_its_own(

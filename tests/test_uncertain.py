@@ -145,7 +145,7 @@ def test_rank_correlation(rank):
         ({**N0, "high": None}, "needs high"),
         (
             {
-                "input": "track.layers.subgrade.poisson",
+                "input": "track.support.poisson",
                 "distribution": "normal",
                 "mean": 0.45,
                 "sd": 0.05,

@@ -56,9 +56,8 @@ def equivalent_linear_response(
     ValueError
         For a speed, depth, setting or curve out of range.
     NumericalError
-        If the softening does not converge (unless ``softening.keep_last``).
-    RuntimeError
-        If a reduced basis misses its tolerance.
+        If the softening does not converge (unless ``softening.keep_last``), or a reduced basis misses
+        its tolerance.
     """
     settings = Settings() if settings is None else settings
     ground = softened_ground(

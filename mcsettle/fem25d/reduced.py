@@ -14,7 +14,7 @@ The residual is measured through a fixed random sketch, which costs little per t
 does not lose half the digits as a squared norm would. A residual far from the track matters less to
 its stresses, so it counts with the inverse square of its distance.
 
-Depends on: section, solve.
+Depends on: errors, section, solve.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mcsettle.errors import NumericalError
 from mcsettle.fem25d.section import Section
 from mcsettle.fem25d.solve import factorise, outputs
 
@@ -79,26 +80,37 @@ def output_error(approximate: np.ndarray, exact: np.ndarray) -> float:
 
 
 class _Growth:
-    """Basis under construction for one band."""
+    """Basis under construction for one band; room for ``capacity`` factorisations."""
 
-    def __init__(self, section: Section) -> None:
+    def __init__(self, section: Section, capacity: int) -> None:
         k0, _, k2 = section.stiffness
         self.section = section
-        self.matrices = [*section.stiffness, section.mass]
+        self.matrices = [matrix.tocsr() for matrix in (*section.stiffness, section.mass)]
         at = section.basis.doflocs[:, section.free]
         scale = 1.0 / np.sqrt(np.abs(k0.diagonal()) + np.abs(k2.diagonal()))
         scale /= (FAR_FIELD + np.hypot(at[0], at[1])) ** 2
         self.rng = np.random.Generator(np.random.Philox(key=SKETCH_SEED))
         sketch = self.rng.standard_normal((SKETCH, section.unknowns))
-        self.sketch = sketch * scale / np.sqrt(SKETCH)
+        self.sketch = (sketch * scale / np.sqrt(SKETCH)).astype(np.complex128)
         self.sketched_load = self.sketch @ section.load
-        n = section.unknowns
-        self.trial = np.zeros((n, 0), dtype=np.complex128)
-        self.test = np.zeros((n, 0), dtype=np.complex128)
-        self.images = np.zeros((4, n, 0), dtype=np.complex128)
-        self.projected = np.zeros((4, 0, 0), dtype=np.complex128)
-        self.sketched = np.zeros((4, SKETCH, 0), dtype=np.complex128)
+        # Room for all at once: growing arrays by copying them cost as much as the factorisations.
+        n, most = section.unknowns, capacity * (DERIVATIVES + 1)
+        self.size = 0
+        self._trial = np.empty((n, most), dtype=np.complex128, order="F")
+        self._test = np.empty((n, most), dtype=np.complex128, order="F")
+        self._projected = np.empty((4, most, most), dtype=np.complex128)
+        self._sketched = np.empty((4, SKETCH, most), dtype=np.complex128)
         self.solves = 0
+
+    @property
+    def trial(self) -> np.ndarray:
+        """Orthonormal trial vectors [n, r]."""
+        return self._trial[:, : self.size]
+
+    @property
+    def test(self) -> np.ndarray:
+        """Orthonormal test vectors [n, r]."""
+        return self._test[:, : self.size]
 
     def add(self, wavenumber: float, omega: float) -> np.ndarray:
         """Solve at (k, ω), extend both spaces, return the exact outputs [1 + 4 Z]."""
@@ -109,11 +121,14 @@ class _Growth:
         mix = self.rng.standard_normal((s.stress0.shape[0], DERIVATIVES))
         sources = s.stress0.T @ mix + wavenumber * (s.stress1.T @ mix)
         _, k1, k2, m = self.matrices
-        slope = k1 + 2.0 * wavenumber * k2  # of the operator to k; to ω² it is -m
-        fields = lu.solve(np.column_stack([m @ u, -(slope @ u), sources]))
+
+        def slope(x: np.ndarray) -> np.ndarray:  # of the operator to k; to ω² it is -m
+            return np.asarray(k1 @ x + 2.0 * wavenumber * (k2 @ x))
+
+        fields = lu.solve(np.column_stack([m @ u, -slope(u), sources]))
         by_omega, by_k = fields[:, 0], fields[:, 1]
-        curvatures = [2.0 * (m @ by_omega), m @ by_k - slope @ by_omega]
-        curvatures.append(-2.0 * (slope @ by_k + k2 @ u))
+        curvatures = [2.0 * (m @ by_omega), m @ by_k - slope(by_omega)]
+        curvatures.append(-2.0 * (slope(by_k) + k2 @ u))
         second = lu.solve(np.column_stack(curvatures))
         self._extend(
             np.column_stack([u, fields[:, :2], second]), np.column_stack([u, fields[:, 2:]])
@@ -123,37 +138,53 @@ class _Growth:
     def _extend(self, trial: np.ndarray, test: np.ndarray) -> None:
         """Extend both spaces by as many vectors each, and the projections of the operator."""
         new, extra = _orthonormal(self.trial, trial), _orthonormal(self.test, test)
-        images = np.stack([matrix @ new for matrix in self.matrices])
-        beside = self.test.T @ images
-        self.trial = np.column_stack([self.trial, new])
-        self.test = np.column_stack([self.test, extra])
-        self.images = np.concatenate([self.images, images], axis=2)
-        upper = np.concatenate([self.projected, beside], axis=2)
-        self.projected = np.concatenate([upper, extra.T @ self.images], axis=1)
-        self.sketched = np.concatenate([self.sketched, self.sketch @ images], axis=2)
+        both = np.hstack([new, extra])
+        images = np.stack([matrix @ both for matrix in self.matrices])  # [4, n, 2 d]
+        right, left = images[:, :, : new.shape[1]], images[:, :, new.shape[1] :]
+        old, grown = self.size, self.size + new.shape[1]
+        self._trial[:, old:grown], self._test[:, old:grown] = new, extra
+        flat = _beside_one_another(right)
+        part = (4, grown - old)
+        self._projected[:, :grown, old:grown] = _stacked(self._test[:, :grown].T @ flat, part)
+        # The operator is symmetric: extraᵀ A V = (A extra)ᵀ V, so that no A V need be kept.
+        beside = self._trial[:, :old].T @ _beside_one_another(left)
+        self._projected[:, old:grown, :old] = _stacked(beside, part).transpose(0, 2, 1)
+        self._sketched[:, :, old:grown] = _stacked(self.sketch @ flat, part)
+        self.size = grown
 
     def band(self, lower: float, upper: float) -> Band:
         """The projected operator as it stands."""
-        s, p = self.section, self.projected
+        s, p = self.section, self._projected[:, : self.size, : self.size].copy()
         out0 = np.vstack([(s.load @ self.trial)[None], s.stress0 @ self.trial])
-        out1 = np.vstack([np.zeros((1, self.trial.shape[1])), s.stress1 @ self.trial])
+        out1 = np.vstack([np.zeros((1, self.size)), s.stress1 @ self.trial])
         return Band(lower, upper, p[:3], p[3], s.load @ self.test, out0, out1, self.solves)
 
     def residuals(self, band: Band, wavenumber: float, omegas: np.ndarray) -> np.ndarray:
         """Sketched norm of the residual over that of the load, for several ω [W]."""
         c = band.solve(wavenumber, omegas)
-        s = self.sketched
+        s = self._sketched[:, :, : self.size]
         static = s[0] + wavenumber * s[1] + wavenumber**2 * s[2]
         force = c @ static.T - (omegas**2)[:, None] * (c @ s[3].T)
         rest = np.linalg.norm(force - self.sketched_load, axis=1)
         return np.asarray(rest / np.linalg.norm(self.sketched_load))
 
 
+def _beside_one_another(blocks: np.ndarray) -> np.ndarray:
+    """[4, n, d] as one matrix [n, 4 d]."""
+    return np.asarray(blocks.transpose(1, 0, 2).reshape(blocks.shape[1], -1))
+
+
+def _stacked(columns: np.ndarray, part: tuple[int, int]) -> np.ndarray:
+    """[r, 4 d] as [4, r, d]."""
+    return np.asarray(columns.reshape(-1, *part).transpose(1, 0, 2))
+
+
 def _orthonormal(space: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Columns that extend an orthonormal ``space`` by ``vectors`` (two Gram–Schmidt passes)."""
     new = vectors / np.linalg.norm(vectors, axis=0)
     for _ in range(2):
-        new = np.linalg.qr(new - space @ (space.conj().T @ new))[0]
+        inside = (new.conj().T @ space).conj().T  # no copy of the space
+        new = np.linalg.qr(new - space @ inside)[0]
     return np.asarray(new)
 
 
@@ -221,16 +252,16 @@ def grow_band(
 
     Raises
     ------
-    RuntimeError
+    NumericalError
         If the tolerance is not met within ``max_solves``.
     """
-    growth = _Growth(section)
+    growth = _Growth(section, max_solves)
     middle = training[len(training) // 2]
     growth.add(middle[0], float(middle[1][middle[1].size // 2]))
     confirmed = 0
     while confirmed < CONFIRMATIONS:
         if growth.solves >= max_solves:
-            raise RuntimeError(
+            raise NumericalError(
                 f"the reduced basis for {lower}-{upper} rad/m missed its tolerance {tolerance} "
                 f"after {max_solves} solutions; use narrower bands or a larger tolerance"
             )

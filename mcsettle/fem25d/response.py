@@ -25,7 +25,7 @@ from mcsettle.track import SectionTrack
 from mcsettle.waves import rayleigh_speed
 
 Progress = Callable[[int, int, str], None]
-HELD_OUT = 3  # random check points a band
+HELD_OUT = 3  # random check points a band; a softened ground, one of several alike, has one
 HELD_OUT_SEED = 8_230_451
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
@@ -65,7 +65,7 @@ def section_response(
     ------
     ValueError
         For a depth, setting or number of workers out of range.
-    RuntimeError
+    NumericalError
         If a reduced basis misses its tolerance.
     """
     settings = Settings() if settings is None else settings
@@ -193,7 +193,8 @@ def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray
     band = grow_band(section, lower, upper, training, settings.tolerance, settings.max_solves)
     rng = np.random.Generator(np.random.Philox(key=[HELD_OUT_SEED, index]))
     errors = []
-    for i, (at, share) in enumerate(rng.random((HELD_OUT, 2))):
+    count = HELD_OUT if model.properties is None else 1
+    for i, (at, share) in enumerate(rng.random((count, 2)), start=index):
         # Anywhere; on the line of a constant moving load; among the slow waves.
         k = lower + (upper - lower) * at
         highest = settings.max_omega + k * settings.max_speed

@@ -12,9 +12,10 @@ the next modulus and damping. The damping never falls below the layer's own. Poi
 Depends on: curves, errors, soil, track, traffic, frame, moving, passing, section, solve.
 """
 
+import functools
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -122,7 +123,8 @@ def soften(
         raise ValueError(f"speed is {speed} m/s; it must be positive and finite")
     curves = settings.layer_curves(track)
     if frame is None:
-        frame = track_frame(track, integration_depth, mesh or MeshSettings())
+        plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+        frame = _frame(plain, integration_depth, mesh or MeshSettings())
     soft = frame.elements
     own = np.array([layer.material.damping for layer in track.layers])[soft.layer]
     wavenumbers = line_wavenumbers(WAVENUMBERS)
@@ -147,6 +149,12 @@ def soften(
     if not history.converged:
         _not_converged(history, settings, train.name, speed)
     return SoftenedGround(soft.spread(track, frame.grid, *new), history)
+
+
+@functools.lru_cache(maxsize=1)
+def _frame(track: SectionTrack, integration_depth: float, mesh: MeshSettings) -> Frame:
+    """The grounds of one study share their elements: those of the last one are kept."""
+    return track_frame(track, integration_depth, mesh)
 
 
 def strain_spectra(

@@ -67,6 +67,7 @@ def vehicle_peaks(
     amplitudes: np.ndarray,
     wavenumbers: np.ndarray,
     window: float,
+    contact: float = HERTZ_STIFFNESS,
 ) -> VehiclePeaks:
     """Peak deflection along the window for several models of one vehicle.
 
@@ -81,6 +82,8 @@ def vehicle_peaks(
     amplitudes, wavenumbers : ndarray, shape [K]
         Profile amplitudes [m] and wavenumbers [rad/m].
     window : float, m
+    contact : float
+        Hertz stiffness [N/m per wheelset].
     """
     trains = {
         model: Train(vehicle.name, (replace(vehicle, model=model),) * cars) for model in models
@@ -97,7 +100,7 @@ def vehicle_peaks(
         ahead = np.exp(1j * kappa * positions)
         for model, train in trains.items():
             own = train_compliance(train, omega)
-            forces = dynamic_forces(own, compliance, ahead, HERTZ_STIFFNESS)
+            forces = dynamic_forces(own, compliance, ahead, contact)
             field = _field(spectra, positions, forces)[keep]
             fields[model][mode] = field * np.exp(-1j * kappa * s)
     x = np.linspace(0.0, window, 401)
