@@ -256,8 +256,7 @@ def life(
     loaded = load_study(study)
     if out is not None:
         checked_folder(out)
-    for warning in loaded.warnings:
-        talk(f"warning: {warning}")
+    _warn(loaded)
     from mcsettle.cli.maintenance import life_json, life_lines, write_lives
     from mcsettle.life import lives
 

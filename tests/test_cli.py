@@ -236,7 +236,10 @@ def test_calibrate_prints_the_factor(monkeypatch: pytest.MonkeyPatch) -> None:
     assert done.exit_code == 0
     lines = done.stdout.splitlines()
     assert lines[0] == "settlement_factor = 31.25"
-    assert tomllib.loads(done.stdout) == {"settlement_factor": 31.25}
+    assert tomllib.loads(done.stdout) == {
+        "settlement_factor": 31.25,
+        "factor_digest": "0123456789abcdef",
+    }
     assert "# realisations: 32" in lines
 
 

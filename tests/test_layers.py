@@ -78,7 +78,6 @@ LAYERS = (
     ),
     ("study_read",),
     ("study",),
-<<<<<<< HEAD
     (
         "draws",
         "observed",
@@ -92,10 +91,7 @@ LAYERS = (
     ),
     ("fits",),
     ("closing", "step_b", "factor_fit"),
-=======
-    ("draws", "step_a", "scene", "summary_spread", "summary", "summary_table", "rows"),
     ("factor_origin",),
->>>>>>> fe88340 (Cross soils in variants; let factors name their transfer functions; grow bases without copies)
     ("track_case", "track_report", "track_pictures", "pipeline", "doctor"),
     ("calibration", "inference", "tornado", "stopping", "life"),
     ("report", "compare"),
