@@ -152,6 +152,7 @@ def _geometry(parts: Parts) -> Iterator[Fault]:
 
 def _soil(table: TrackTable, parts: Parts) -> Iterator[Fault]:
     """Softening needs the section model; its keys need a soil that softens."""
+    groups: list[tuple[str, str | None, str, Mapping[str, LayerTable]]]
     groups = [("track", table.soil, table.soil, table.layers)]
     for index, variant in parts.variants.items():
         path = dotted(("variants", index))
