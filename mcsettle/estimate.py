@@ -197,7 +197,8 @@ def restricted_mean(
     cut = np.append(np.minimum(events, limit), np.full(len(horizons), limit))
     value = float(np.mean(cut))
     error = float(np.std(cut, ddof=1) / np.sqrt(n)) if n > 1 else None
-    reach = _z(confidence) * error if error is not None else np.nan
+    reach = float(stats.t.ppf(0.5 + 0.5 * confidence, n - 1)) * error if error else error
+    reach = np.nan if reach is None else reach
     note = f"restricted to day {limit:g}" if np.isfinite(limit) else ""
     lower, upper = _finite(value - reach), _finite(value + reach)
     return Estimate(value, lower, upper, error, n, len(horizons), "d", note)
@@ -265,7 +266,10 @@ def mean(
     n_resamples: int = 1999,
     seed: int = 0,
 ) -> Estimate:
-    """Mean of a sample with its BCa bootstrap interval; the resampling is fixed by ``seed``.
+    """Mean of a sample with its studentised bootstrap interval; ``seed`` fixes the resampling.
+
+    Of 30 or 100 exponential values it covers at its rate; bias-corrected percentiles (BCa) fall
+    short by three hundredths there (``studies/coverage.py``).
 
     Parameters
     ----------
@@ -288,16 +292,7 @@ def mean(
     # An identity (all values alike up to rounding) leaves nothing to resample.
     if error <= 1e-12 * abs(value):
         return Estimate(value, value, value, 0.0, n, 0, unit)
-    result = stats.bootstrap(
-        (sample,),
-        np.mean,
-        n_resamples=n_resamples,
-        batch=max(1, 2_000_000 // n),
-        confidence_level=confidence,
-        method="BCa",
-        rng=np.random.default_rng(seed),
-    )
-    low, high = result.confidence_interval
+    low, high = _studentised(sample, confidence, n_resamples, seed)
     return Estimate(value, _finite(low), _finite(high), error, n, 0, unit)
 
 
@@ -392,6 +387,23 @@ def _implied_error(
     """Standard error a confidence interval implies; from one side where the other is open."""
     sides = [abs(limit - value) for limit in (lower, upper) if limit is not None]
     return float(np.mean(sides)) / _z(confidence) if sides else None
+
+
+def _studentised(
+    sample: np.ndarray, confidence: float, n_resamples: int, seed: int
+) -> tuple[float, float]:
+    """Interval of a mean from resampled t statistics: right for skew and small samples alike."""
+    n, value = len(sample), float(np.mean(sample))
+    error = float(np.std(sample, ddof=1)) / np.sqrt(n)
+    rng, found = np.random.default_rng(seed), []
+    batch = max(1, 2_000_000 // n)
+    for first in range(0, n_resamples, batch):
+        drawn = sample[rng.integers(0, n, (min(batch, n_resamples - first), n))]
+        own = np.std(drawn, axis=1, ddof=1) / np.sqrt(n)
+        off = np.mean(drawn, axis=1) - value
+        found.append(np.divide(off, own, out=np.zeros_like(off), where=own > 0.0))
+    low, high = np.quantile(np.concatenate(found), [0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence])
+    return value - float(high) * error, value - float(low) * error
 
 
 def _z(confidence: float) -> float:

@@ -150,7 +150,8 @@ def crossed_mean(
     with np.errstate(invalid="ignore", divide="ignore"):
         means = total / count
     others = means[1:][np.isfinite(means[1:])]
-    ends = np.quantile(others, [drawn.alpha, 1.0 - drawn.alpha]) if len(others) else (None, None)
+    levels = _corrected(values, float(means[0]), others, drawn)
+    ends = np.quantile(others, levels) if len(others) else (None, None)
     error = float(np.std(others, ddof=1)) if len(others) > 1 else None
     n = int(np.sum(known))
     return Estimate(_number(means[0]), _number(ends[0]), _number(ends[1]), error, n, 0, unit, note)
@@ -284,6 +285,26 @@ def _quantiles(
             reached = rising[np.minimum(at, n - 1)]
             found[k, part] = np.where(total > 0.0, reached, np.nan)
     return found
+
+
+def _corrected(
+    values: np.ndarray, mean: float, others: np.ndarray, drawn: Resampling
+) -> tuple[float, float]:
+    """Levels of the resampled means that bound a mean: bias and skewness corrected (BCa).
+
+    The acceleration is that of the sum of the sets' and the tracks' influences.
+    """
+    if not np.isfinite(mean) or len(others) < 2 or np.ptp(others) <= 1e-12 * abs(mean):
+        return drawn.alpha, 1.0 - drawn.alpha
+    off = np.where(np.isnan(values), 0.0, values - mean)
+    influence = np.concatenate([drawn.by_set[0] * (off @ drawn.by_track[0]), drawn.by_set[0] @ off])
+    cubes, squares = np.sum(influence**3), np.sum(influence**2)
+    skew = float(cubes / (6.0 * squares**1.5)) if squares > 0.0 else 0.0
+    below = np.mean(others < mean) + 0.5 * np.mean(others == mean)
+    bias = float(stats.norm.ppf(np.clip(below, 1.0 / len(others), 1.0 - 1.0 / len(others))))
+    z = bias + np.asarray(stats.norm.ppf([drawn.alpha, 1.0 - drawn.alpha]))
+    ends = stats.norm.cdf(bias + z / (1.0 - skew * z))
+    return float(ends[0]), float(ends[1])
 
 
 def _checked_weights(weights: np.ndarray, n_sets: int) -> np.ndarray:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize
 
-from mcsettle.variance import components, total_variance
+from mcsettle.variance import variance_split
 
 LEAST_EXPLAINED = (
     0.7  # of the variance between sets, left out one by one; below that no index is given
@@ -69,7 +69,7 @@ def total_order(shares: np.ndarray, scores: np.ndarray) -> TotalOrder:
     inverse = _inverse(kernel)
     missed = (inverse @ spread) / np.diag(inverse)[:, None]
     explained = 1.0 - float(np.sum(missed**2) / np.sum(spread**2))
-    caused = _caused_by_inputs(scores)
+    caused, unsure = _caused_by_inputs(scores)
     whole = _shares_of_parts(parts, inverse @ spread)
     left = []
     for block in np.array_split(np.arange(len(inputs)), min(BLOCKS, len(inputs))):
@@ -81,16 +81,16 @@ def total_order(shares: np.ndarray, scores: np.ndarray) -> TotalOrder:
     error = np.sqrt((len(left) - 1) * np.var(np.array(left), axis=0))
     # What the spline does not follow belongs to some input: half of it, at worst, to the wrong one.
     error = np.hypot(error, 0.5 * (1.0 - explained) * np.sqrt(whole * (1.0 - whole)))
-    pairs = zip(caused * whole, caused * error, strict=True)
+    pairs = zip(caused * whole, np.hypot(caused * error, unsure * whole), strict=True)
     return TotalOrder([(float(v), float(e)) for v, e in pairs], explained)
 
 
-def _caused_by_inputs(scores: np.ndarray) -> float:
-    """Share of the whole variance that inputs cause, their interaction with the tracks included."""
+def _caused_by_inputs(scores: np.ndarray) -> tuple[float, float]:
+    """Share of the whole variance that inputs cause, with the tracks too, and its standard error."""
     if scores.shape[1] == 1:
-        return 1.0
-    found = components(scores, np.ones(len(scores)))
-    return float((found[0] + found[2]) / total_variance(scores))
+        return 1.0, 0.0
+    sections = variance_split(scores, "").sections
+    return 1.0 - (sections.value or 0.0), sections.standard_error or 0.0
 
 
 def _learnt(kernels: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, float]:

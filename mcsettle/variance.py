@@ -22,7 +22,7 @@ import numpy as np
 from scipy import stats
 
 from mcsettle.errors import InputError
-from mcsettle.estimate import Estimate
+from mcsettle.estimate import CONFIDENCE, Estimate
 
 LEAST_SETS = 32  # for first-order indices
 
@@ -58,13 +58,25 @@ def variance_split(scores: np.ndarray, scale: str, set_weights: np.ndarray | Non
     weights = np.ones(len(scores)) if set_weights is None else np.asarray(set_weights, dtype=float)
     shares = _shares(scores, weights)
     errors = np.sqrt(_jackknife(scores, weights, 0) + _jackknife(scores, weights, 1))
-    n = scores.size
+    reach = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, min(len(scores), scores.shape[1]) - 1))
     parts = [
-        Estimate(float(v), _number(v - 1.96 * e), _number(v + 1.96 * e), _number(e), n, 0, "1",
+        Estimate(float(v), *_share_limits(float(v), float(e), reach), _number(e), scores.size, 0, "1",
                  f"of the variance of the {scale}")
         for v, e in zip(shares, errors, strict=True)
     ]  # fmt: skip
     return Split(scale, *parts)
+
+
+def _share_limits(share: float, error: float, reach: float) -> tuple[float | None, float | None]:
+    """Limits ``reach`` standard errors off, on the scale of log-odds where the share has one.
+
+    An estimated share is skew; its log-odds hardly are.
+    """
+    if not 0.0 < share < 1.0 or not error < min(share, 1.0 - share):
+        return _number(share - reach * error), _number(share + reach * error)
+    odds, wide = np.log(share / (1.0 - share)), reach * error / (share * (1.0 - share))
+    ends = 1.0 / (1.0 + np.exp(-np.array([odds - wide, odds + wide])))
+    return _number(float(ends[0])), _number(float(ends[1]))
 
 
 def spread_scores(values: np.ndarray, censored: np.ndarray) -> tuple[np.ndarray, str]:
