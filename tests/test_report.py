@@ -163,7 +163,7 @@ def test_tonnage_is_charged_by_the_mass_of_the_added_train(tmp_path: Path) -> No
     miles = {c.unit: c.factor for c in charges(read_material(folder, miles=True), "C")}
     assert miles["£ per train-mile"] == pytest.approx(4.0 * KM_PER_MILE)
     assert "per train-mile" in page_of(folder, miles=True)
-    assert "one more freight of 4000 t at 97 km/h" in page_of(folder)
+    assert "one more train a day (freight, 4000 t, 97 km/h)" in page_of(folder)
 
 
 def test_no_single_train_no_charge_per_train() -> None:

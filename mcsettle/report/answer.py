@@ -76,7 +76,8 @@ def _train_words(train: MarginalTrain, scenario: str) -> str:
     head = f"{cut(scenario, 40)}: "
     if train.base_speed is not None:
         return f"{head}{train.name} at {train.speed:g} instead of {train.base_speed:g} km/h"
-    return f"{head}one more {train.name} of {train.mass:.0f} t at {train.speed:g} km/h"
+    more = "one more train" if train.more == 1 else f"{train.more} more trains"
+    return f"{head}{more} a day ({train.name}, {train.mass:.0f} t, {train.speed:g} km/h)"
 
 
 def _sentences(material: Material) -> Iterator[str]:
@@ -102,7 +103,8 @@ def _sentence(material: Material, scenario: str) -> str:
     if main is None or main.row.at(0.5).value is None:
         return f"{head}: no cost can be stated, too few tracks reach the limit in both scenarios."
     unit = main.unit.removeprefix("£ ")
-    text = f"{head} costs £{level(main.row, 0.5, main.factor)} {unit} of tamping"
+    plural = "cost" if " more trains a day" in head else "costs"
+    text = f"{head} {plural} £{level(main.row, 0.5, main.factor)} {unit} of tamping"
     text += f" (median track; P5 to P95: {band(main.row, main.factor)})."
     reduction = material.row(scenario, "reduction_percent")
     if reduction is not None and reduction.at(0.5).value is not None:

@@ -14,6 +14,7 @@ from mcsettle.report.page import Block, Page, Picture, Section, Text
 from mcsettle.report.pictures import (
     PAPER,
     growth_pictures,
+    map_pictures,
     single_track_pictures,
     step_a_pictures,
 )
@@ -116,7 +117,8 @@ def _track(material: Material) -> list[Block]:
             "for (--no-step-a)."
         )
         return [Text(text, "note")]
-    return [*single_track_pictures(material), *step_a_pictures(material)]
+    single = single_track_pictures(material)
+    return [*single, *map_pictures(material), *step_a_pictures(material)]
 
 
 def _with_paper(section: Section, material: Material) -> Section:

@@ -21,13 +21,17 @@ KM_PER_MILE = 1.609344
 
 @dataclass(frozen=True)
 class MarginalTrain:
-    """The train whose cost a scenario shows: ``mass`` t, ``axle_load`` t, ``speed`` km/h."""
+    """The train whose cost a scenario shows: ``mass`` t, ``axle_load`` t, ``speed`` km/h.
+
+    ``more`` a day, or at another speed than ``base_speed``.
+    """
 
     name: str
     cars: int
     mass: float
     axle_load: float
     speed: float
+    more: int = 0
     base_speed: float | None = None
 
 
@@ -64,7 +68,8 @@ def marginal_train(study: Study, scenario: str) -> MarginalTrain | None:
     moved = {key: n for key, n in changes.items() if n}
     if len(moved) != 1 or next(iter(moved.values())) < 0:
         return None
-    return _train(study, *next(iter(moved)))
+    (key, more), *_ = moved.items()
+    return _train(study, *key, more=more)
 
 
 def charges(material: Material, scenario: str) -> list[Charge]:
@@ -100,7 +105,9 @@ def _services(study: Study, scenario: str) -> dict[tuple[str, float], int]:
     return found
 
 
-def _train(study: Study, name: str, speed: float, base: float | None = None) -> MarginalTrain:
+def _train(
+    study: Study, name: str, speed: float, more: int = 0, base: float | None = None
+) -> MarginalTrain:
     train = study.trains[name]
     mass = train.mass / TONNE
-    return MarginalTrain(name, len(train.cars), mass, mass / train.n_axles, speed, base)
+    return MarginalTrain(name, len(train.cars), mass, mass / train.n_axles, speed, more, base)

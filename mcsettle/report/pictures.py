@@ -3,13 +3,15 @@
 ``PAPER`` says which figure of the paper each one stands for, and why the two differ.
 
 Depends on: figures, report.curves, report.material, report.page, report.single_tracks,
-report.words, track_pictures.
+report.words, track_case, track_pictures, units, views.
 """
 
 from collections.abc import Iterator
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from mcsettle.figures.maps import force_figure, stress_map_figure
 from mcsettle.figures.results import rates_figure, spreads_figure
 from mcsettle.figures.track_in_time import concept_figure, mixed_figure, profiles_figure
 from mcsettle.report.curves import MOVING, growths, rates
@@ -23,7 +25,10 @@ from mcsettle.report.single_tracks import (
     profiles_at_limit,
 )
 from mcsettle.report.words import DAYS, cut, number
+from mcsettle.track_case import layer_tops
 from mcsettle.track_pictures import track_figures
+from mcsettle.units import KN, KPA, MM
+from mcsettle.views.stress import stress_along
 
 GROWTH = "sd_growth_1y_mm"
 # Figures of the paper by our picture: number and why ours differs.
@@ -55,6 +60,7 @@ TITLES = {
     "freight_passage": "Stress and settlement along the track as one freight axle passes",
 }
 PAGE_WIDTH = 7.4  # inches of a wide picture
+MOST_TRAINS = 3  # in the map of forces
 WIDE = 620  # px below which a wide picture scrolls
 
 
@@ -146,6 +152,32 @@ def step_a_figures(material: Material) -> Iterator[tuple[str, Figure]]:
         if width > PAGE_WIDTH:
             figure.set_size_inches(PAGE_WIDTH, height * min(1.0, (PAGE_WIDTH / width) ** 0.4))
         yield name, figure
+
+
+def map_pictures(material: Material) -> Iterator[Picture]:
+    """Dynamic force by axle and wavelength, and stress by place and depth."""
+    part = material.step_a
+    if part is None:
+        return
+    trains = {run.service.train.name: run for run in reversed(part.case.runs)}
+    runs = list(reversed(trains.values()))[:MOST_TRAINS]
+    wavelengths = 2.0 * np.pi / part.case.wavenumbers
+    forces = [(run.label, run.transfer.force) for run in runs]
+    largest = "; ".join(
+        f"{run.label}, largest {number(float(np.abs(run.transfer.force).max()) * MM / KN)} kN per mm"
+        for run in runs
+    )
+    text = "Dynamic wheel force for a profile of 1 mm amplitude, every axle of the train."
+    yield Picture("force", force_figure(forces, wavelengths), f"{text} {largest}.", text)
+    run = runs[0]
+    grid, train = run.transfer.grid, run.service.train
+    view = stress_along(run.response, train, run.service.speed, grid.z, np.eye(len(grid.z)))
+    alt = (
+        f"Map of the quasi-static deviatoric stress, largest {number(view.sigma.max() / KPA)} kPa."
+    )
+    text = f"Quasi-static deviatoric stress around the middle car: {run.label}. Lines: layers."
+    figure = stress_map_figure(view, layer_tops(part.case.track))
+    yield Picture("stress_map", figure, alt, text)
 
 
 def step_a_pictures(material: Material) -> Iterator[Picture]:

@@ -152,25 +152,22 @@ def _pairing(material: Material) -> Iterator[Block]:
 
 def _lines(material: Material) -> Iterator[Block]:
     """Distribution of the mean over lines of several lengths."""
-    rows, lengths = [], []
+    rows: list[tuple[str, ...]] = []
     for row in material.of(material.variant):
         found = [s for s in row.spread if s.statistic == "line_mean"]
         if not found:
             continue
-        lengths = list(dict.fromkeys(s.subject for s in found))
-        cells = []
-        for length in lengths:
+        rows.append((f"{row.scenario}, {metric_words(row.metric)}, {unit_words(row.unit)}",))
+        for length in dict.fromkeys(s.subject for s in found):
             values = [s.estimate.value for s in found if s.subject == length]
-            cells.append(" / ".join(number(v) for v in values))
-        unit = unit_words(row.unit)
-        rows.append((row.scenario, f"{metric_words(row.metric)}, {unit}", *cells))
+            rows.append((length, *(number(v) for v in values)))
     if rows:
         note = (
-            "P5 / P50 / P95 of the mean over a line of independent sections. A price is for a line: "
+            "P5, P50 and P95 of the mean over a line of independent sections. A price is for a line: "
             "the spread between sections averages out along it, that of uncertain inputs does not."
         )
-        head = ("scenario", "quantity", *lengths)
-        yield Table("Means over a line", head, tuple(rows), 2, note, small=True)
+        head = ("length", "P5", "P50", "P95")
+        yield Table("Means over a line", head, tuple(rows), 1, note, small=True)
 
 
 def convergence_blocks(material: Material) -> Iterator[Block]:

@@ -64,7 +64,7 @@ def level(row: SummaryRow, at: float, factor: float = 1.0) -> str:
     value = row.at(at).value
     places = places_of(row)
     if places is not None and factor != 1.0:
-        places = min(max(places - math.floor(math.log10(abs(factor))), 0), 8)
+        places = min(max(places - round(math.log10(abs(factor))), 0), 8)
     return number(None if value is None else value * factor, places)
 
 
