@@ -44,13 +44,13 @@ def scope(material: Material) -> str:
 
 
 def answer(material: Material) -> tuple[Block, ...]:
-    """Sentences, the table in charging units, what the bands contain, one picture."""
+    """Sentences, one picture, the table in charging units, what the bands contain."""
     blocks: list[Block] = [Text(s, "lead") for s in _sentences(material)]
+    blocks.append(_picture(material))
     table = _table(material)
     if table is not None:
         blocks.append(table)
     blocks += _warnings(material)
-    blocks.append(_picture(material))
     blocks.append(Bullets(tuple(contains(material)), "What the band P5 to P95 contains"))
     blocks.append(Bullets(tuple(leaves_out(material)), "What it does not contain"))
     return tuple(blocks)

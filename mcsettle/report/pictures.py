@@ -59,9 +59,9 @@ TITLES = {
     "vehicle_models": "Peak dynamic rail deflection by vehicle model",
     "freight_passage": "Stress and settlement along the track as one freight axle passes",
 }
-PAGE_WIDTH = 7.4  # inches of a wide picture
+PAGE_WIDTH = 9.2  # inches of the widest picture
 MOST_TRAINS = 3  # in the map of forces
-WIDE = 620  # px below which a wide picture scrolls
+LEAST = 80  # px an inch of a wide picture, below which it scrolls
 
 
 def growth_pictures(material: Material) -> Iterator[Picture]:
@@ -186,4 +186,5 @@ def step_a_pictures(material: Material) -> Iterator[Picture]:
         text = TITLES.get(name, name.replace("_", " "))
         part = material.step_a
         train = "" if part is None else f" Track of variant {part.case.variant}."
-        yield Picture(name, figure, f"{text}.{train}", f"{text}.{train}", WIDE)
+        least = int(LEAST * figure.get_size_inches()[0])
+        yield Picture(name, figure, f"{text}.{train}", f"{text}.{train}", least)

@@ -168,17 +168,17 @@ def _literature(material: Material) -> Iterator[Block]:
             (
                 entry["source"],
                 entry["covers"],
-                f"£ {basis}",
-                "" if pounds is None else number(pounds * km),
+                basis,
                 entry.get("original", ""),
+                "" if pounds is None else number(pounds * km),
             )
         )
-    head = ("source", "what it covers", "unit", "£", "as published")
+    head = ("source", "what it covers", "unit", "as published", "£")
     note = (
         "For orientation: other lines, other costs, other prices. Pounds only where the conversion "
         "is the cited paper's own (£1 = SEK 12 = € 1.20); other currencies are left as published."
     )
-    yield Table("Published marginal costs of track", head, tuple(rows), 5, note, small=True)
+    yield Table("Published marginal costs of track", head, tuple(rows), 4, note, small=True)
 
 
 @cache

@@ -18,6 +18,9 @@ METRICS = {
     "reduction_percent": "reduction of the interval",
     "elasticity": "elasticity",
     "marginal_cost": "marginal cost",
+    "mgt_increase_percent": "increase of tonnage",
+    "quasi_static_stress_increase_percent": "increase of the quasi-static stress",
+    "dynamic_stress_increase_percent": "increase of the dynamic stress",
 }
 MARKS = {DAYS: "days", "1": "", "d": "days"}
 
@@ -95,7 +98,7 @@ def metric_words(metric: str) -> str:
     grown = re.fullmatch(r"sd_growth_([0-9.e+]+)d_mm", metric)
     if grown:
         return f"SD growth in {grown[1]} days"
-    return METRICS.get(metric, metric.removesuffix("_percent").replace("_", " "))
+    return METRICS.get(metric, metric.replace("_", " "))
 
 
 def as_given(value: float) -> str:
