@@ -288,7 +288,9 @@ def test_register_holds_every_input_and_who_set_it() -> None:
 
 
 def test_changed_preset_is_the_study_s() -> None:
-    made = made_run.study(track={"layers": {"ballast": {"youngs_modulus_pa": 2e8}}})
+    made = made_run.study(
+        track={"model": "section", "layers": {"ballast": {"youngs_modulus_pa": 2e8}}}
+    )
     found = {e.path: e for e in entries(made)}
     assert found["track.layers.ballast.youngs_modulus_pa"].set_by == "study"
 

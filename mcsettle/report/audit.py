@@ -26,7 +26,7 @@ def method_blocks(material: Material) -> Iterator[Block]:
     )
     soil = (
         "The soil is linear."
-        if table.soil == "linear"
+        if study.softening(material.variant) is None
         else "The soil is equivalent-linear: moduli fit the strains of each train at its speed."
     )
     yield Text(

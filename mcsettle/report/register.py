@@ -130,7 +130,7 @@ def _defaults(study: Study) -> dict[str, Any]:
     track = TrackTable(model=table.model, preset=table.preset, soil=table.soil, softening=softening)
     data: dict[str, Any] = {
         "seed": 1,
-        "track": _dump(resolved_track(track)),
+        "track": _dump(resolved_track(track, study.softens)),
         "profile": _dump(ProfileTable()),
         "settlement": _dump(SettlementTable()),
         "limit": {"horizon_years": LimitTable(sd_limit_mm=1.0).horizon_years},

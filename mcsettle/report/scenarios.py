@@ -69,14 +69,16 @@ def _variants(material: Material) -> Table:
                 variant.name + (" (answer)" if variant.name == material.variant else ""),
                 cut(variant.title),
                 settings.stress,
+                "linear" if material.study.softening(variant.name) is None else "softened",
                 settings.cycles,
                 f"{settings.settlement_factor:g}",
                 f"{settings.ballast_cycles_before:g}",
             )
         )
-    head = ("variant", "title", "stress", "cycles", "settlement factor", "cycles before")
+    head = ("variant", "title", "stress", "soil", "cycles", "settlement factor", "cycles before")
     note = (
         "Variants are readings of the same study side by side; they are never averaged. Stress: "
-        "traffic leaves the geostatic part out, total has it."
+        "traffic leaves the geostatic part out, total has it. Soil: softened by the strains of each "
+        "train, or linear."
     )
-    return Table("Variants", head, tuple(rows), 4, note)
+    return Table("Variants", head, tuple(rows), 5, note)
