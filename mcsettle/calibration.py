@@ -78,7 +78,7 @@ def calibrate(
     prepared = step_a(study, progress, processes)
     case = build_case(study, prepared, variant, scenario)
     case = replace(case, model=replace(case.model, settlement_factor=1.0))
-    profiles = initial_profiles(study, range(study.run.realisations))
+    profiles = initial_profiles(study, range(study.run.realisations), variant)
     search = _Search(case, profiles, progress)
     factor = search.solve(median_days)
     outcome = search.outcome(factor)

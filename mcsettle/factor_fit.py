@@ -107,13 +107,13 @@ class _Model:
     """Likelihood of the observations for any factor, the other inputs those of one set."""
 
     def __init__(self, study: Study, own: Study, prepared: StepA, variant: str) -> None:
-        self.study, self.own = study, own
+        self.study, self.own, self.variant = study, own, variant
         names = dict.fromkeys(entry.scenario for entry in study.observed)
         self.cases = {name: build_case(own, prepared, variant, name) for name in names}
 
     def log_likelihood(self, logs: np.ndarray, wanted: np.ndarray, n_tracks: int) -> np.ndarray:
         """Log likelihood [W] at the log factors ``wanted``, from the engine at ``logs`` [F]."""
-        profiles = initial_profiles(self.own, range(n_tracks))
+        profiles = initial_profiles(self.own, range(n_tracks), self.variant)
         total = np.zeros(len(wanted))
         for entries in sections_of(self.study.observed):
             parts = []

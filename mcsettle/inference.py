@@ -166,7 +166,7 @@ class _Ensemble:
         limit = max(case.sd_limit, float(np.max(self.sd + FAR * self.error)))
         self.case = replace(case, model=model, horizon=horizon, sd_limit=limit)
         self.machine = engine.Engine(self.case)
-        self.profiles = initial_profiles(study, range(study.run.realisations))
+        self.profiles = initial_profiles(study, range(study.run.realisations), variant)
         self.progress, self.done = progress, 0
 
     def on(self, logs: np.ndarray) -> np.ndarray:

@@ -34,14 +34,21 @@ def build_case(study: Study, prepared: StepA, variant: str, scenario: str) -> Ca
     )
 
 
-def initial_profiles(study: Study, indices: range) -> np.ndarray:
-    """Initial amplitudes complex [R, K] m of the realisations ``indices``, the same in every scenario."""
+def initial_profiles(study: Study, indices: range, variant: str | None = None) -> np.ndarray:
+    """Initial amplitudes complex [R, K] m of the realisations ``indices``, the same in every scenario.
+
+    A ``variant`` with a spectrum of its own has the same random numbers under another spectrum.
+    """
     profile = study.profile
+    own = None if variant is None else study.variant(variant)
+    name, number = profile.spectrum, profile.fra_class
+    if own is not None:
+        name, number = own.spectrum or name, own.fra_class or number
     record = study.record()
     if record is not None:
         return _measured_profiles(study, record.sections, indices)
     return sample_profiles(
-        spectrum(profile.spectrum, profile.fra_class),
+        spectrum(name, number),
         study_wavenumbers(study),
         profile.window_m,
         study.seed,
@@ -79,7 +86,7 @@ def step_b_key(study: Study, variant: str, scenario: str) -> str:
     run = study.run
     parts = (
         study.track_table,  # what the track is made of, and how it is modelled
-        study.variant(variant).layers,
+        study.variant(variant),
         study.settlement_settings(variant),
         study.timetable(scenario),
         study.profile,

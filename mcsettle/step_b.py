@@ -173,7 +173,9 @@ def _batch(
     for last_try in (False, True):
         part = range(first, min(first + (job.batch or BATCH), shard.indices.stop))
         try:
-            outcome = machine.run(initial_profiles(study, part), sample_days(study), tick=tick)
+            outcome = machine.run(
+                initial_profiles(study, part, shard.variant), sample_days(study), tick=tick
+            )
             return part, outcome
         except MemoryError:
             smaller = max(1, len(part) // 4)
@@ -209,7 +211,7 @@ def _check_expansion(member: ParameterSet, case: Case, shard: Shard) -> list[str
     if study.run.right_hand_side != "spectral":
         return []
     n = min(CHECKED_REALISATIONS, study.run.realisations)
-    rough = engine.expansion_error(case, initial_profiles(study, range(n)))
+    rough = engine.expansion_error(case, initial_profiles(study, range(n), shard.variant))
     if rough <= 3e-3:
         return []
     where = f", parameter set {member.index}" if member.values else ""
@@ -225,7 +227,7 @@ def failed_tables(member: ParameterSet, shard: Shard, reason: str) -> dict[str, 
     Their initial profiles are known, so their SD at the start is; nothing else is.
     """
     study, n = member.study, len(shard.indices)
-    profiles = initial_profiles(study, shard.indices)
+    profiles = initial_profiles(study, shard.indices, shard.variant)
     sd = roughness(study_wavenumbers(study), study.profile.window_m).sd(profiles)
     history = np.full((n, len(sample_days(study))), np.nan)
     history[:, 0] = sd

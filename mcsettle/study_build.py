@@ -159,7 +159,7 @@ def build_track(table: TrackTable, variant: VariantTable | None = None) -> Track
         rail=rail,
         pad=overridden(preset.pad, table.pad, PAD_PATHS),
         sleeper=overridden(preset.sleeper, table.sleeper, SLEEPER_PATHS),
-        damping_convention=table.damping_convention,
+        damping_convention=(variant and variant.damping_convention) or table.damping_convention,
     )
 
 

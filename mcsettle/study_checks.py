@@ -64,7 +64,17 @@ class Parts:
 
 def faults_between(parts: Parts) -> list[Fault]:
     """Every fault that shows only when tables are read together."""
-    checks = (_names, _geometry, _trains, _profile, _economics, _maintenance, _speeds, _stepping)
+    checks = (
+        _names,
+        _geometry,
+        _model_forms,
+        _trains,
+        _profile,
+        _economics,
+        _maintenance,
+        _speeds,
+        _stepping,
+    )
     return [fault for check in checks for fault in check(parts)]
 
 
@@ -148,6 +158,25 @@ def _geometry(parts: Parts) -> Iterator[Fault]:
         yield from _unknown_layers(f"{path}.layers", variant.layers, known)
         if variant.layers:
             yield from _buildable(path, table, variant)
+
+
+def _model_forms(parts: Parts) -> Iterator[Fault]:
+    """What a variant may vary of the profile and the damping, and where that has no meaning."""
+    for index, variant in parts.variants.items():
+        path = dotted(("variants", index))
+        for key in ("spectrum", "fra_class"):
+            if getattr(variant, key) is None:
+                continue
+            if parts.profile is not None and parts.profile.file is not None:
+                yield Fault(f"{path}.{key}", "has no meaning with profile.file; leave it out")
+            elif parts.maintenance is not None:
+                said = (
+                    "the tampings of [maintenance] have the study's spectrum; leave one of them out"
+                )
+                yield Fault(f"{path}.{key}", said)
+        beam = parts.track is not None and parts.track.model == "beam"
+        if beam and variant.damping_convention is not None:
+            yield Fault(f"{path}.damping_convention", "has no meaning with model = 'beam'")
 
 
 def _soil(table: TrackTable, parts: Parts) -> Iterator[Fault]:

@@ -20,6 +20,7 @@ Fraction = Annotated[float, Field(ge=0, lt=0.5)]
 Positive = Annotated[float, Field(gt=0)]
 Cycles = Annotated[float, Field(ge=1, le=1e12)]
 StressKind = Literal["traffic", "total"]
+Spectrum = Literal["fra", "fra_one_corner", "german_low", "german_high"]
 Soil = Literal["linear", "equivalent_linear"]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 CycleCount = Literal["shared", "per_vehicle"]
@@ -172,7 +173,7 @@ class ProfileTable(Table):
 
     file: FileName | None = None
     record: RecordTable | None = None
-    spectrum: Literal["fra", "fra_one_corner", "german_low", "german_high"] = "fra"
+    spectrum: Spectrum = "fra"
     fra_class: Annotated[int, Field(ge=1, le=6)] = 6
     sd_mm: Annotated[u.Millimetres, Field(le=50)] | None = None
     window_m: Annotated[u.Metres, Field(ge=70, le=2000)] = 200.0
@@ -304,6 +305,9 @@ class VariantTable(Table):
     name: Name
     title: Text = ""
     soil: Soil | None = None
+    damping_convention: Literal["damping_ratio", "loss_factor"] | None = None
+    spectrum: Spectrum | None = None
+    fra_class: Annotated[int, Field(ge=1, le=6)] | None = None
     stress: StressKind | None = None
     cycles: CycleCount | None = None
     ballast_cycles_before: Cycles | None = None

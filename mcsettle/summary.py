@@ -19,7 +19,7 @@ import pandas as pd
 from mcsettle import store
 from mcsettle.draws import ParameterSet, all_sets
 from mcsettle.errors import InputError
-from mcsettle.estimate import Estimate, Statistic, summarise_effects, summarise_intervals
+from mcsettle.estimate import LEVELS, Estimate, Statistic, summarise_effects, summarise_intervals
 from mcsettle.key_paths import input_column
 from mcsettle.nested import crossed_bounded, crossed_effects, crossed_intervals
 from mcsettle.observed import Conditioning, InputBand, weighted_bands
@@ -179,6 +179,7 @@ def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryR
     days = sound[INTERVAL].fillna(np.inf)  # a censored one lies above any published value
     yield _with_reference(results, row, sound.assign(values=days), weights)
     yield from _growth_rows(results, variant, scenario, sound, weights)
+    yield from _tonnage_row(results, variant, scenario)
     yield from _effect_rows(results, variant, scenario, weights)
 
 
@@ -261,6 +262,25 @@ def _growth(
             said = note if row.estimate.value is None else ""
             rows.append(replace(row, estimate=replace(row.estimate, unit="mm", note=said)))
     return tuple(rows)
+
+
+def _tonnage_row(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
+    """Increase of the tonnage [%] where a published one is given: known, so it has no error."""
+    metric, prices = "mgt_increase_percent", results.study.economics
+    published = _reference(results.study, metric, scenario)
+    if published is None or prices is None or scenario == prices.baseline:
+        return
+    grown = [
+        100.0 * (m.study.mgt_per_year(scenario) / m.study.mgt_per_year(prices.baseline) - 1.0)
+        for m in results.members
+    ]
+    found = np.quantile(grown, LEVELS, method="inverted_cdf")
+    n, note = len(grown), "from the timetable" if len(grown) == 1 else "from the loads drawn"
+    rows = tuple(
+        Statistic("quantile", p, Estimate(float(v), float(v), float(v), 0.0, n, 0, "%", note))
+        for p, v in zip(LEVELS, found, strict=True)
+    )
+    yield SummaryRow(variant, scenario, metric, "%", rows, published)
 
 
 def _effect_rows(

@@ -99,7 +99,7 @@ def _medians(
         if key not in runs:
             prepared = prepared or step_a(study, None, processes, shelf)
             case = build_case(study, prepared, variant, scenario)
-            profiles = initial_profiles(study, range(realisations))
+            profiles = initial_profiles(study, range(realisations), variant)
             runs[key] = engine.Engine(case).run(profiles, np.zeros(0))
         outcomes[scenario] = runs[key]
     found: dict[tuple[str, str], tuple[str, float | None]] = {}

@@ -1,15 +1,18 @@
 """Study files: what is accepted, how faults are told, and what a study builds."""
 
 import copy
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mcsettle.errors import InputError
+from mcsettle.scene import initial_profiles, step_b_key
 from mcsettle.study import Study, json_schema, load_study, resolved_toml
 from mcsettle.study_read import LARGEST_FILE
 from mcsettle.track import CASE_STUDY_TRACK, LEAN_CLAY, TOY_TRACK, VALIDATION_TRACK, Material
@@ -520,3 +523,46 @@ def test_any_file_is_refused_in_words(tmp_path: Path, content: bytes) -> None:
 )
 def test_what_the_models_do_not_cover_is_refused_before_any_work(changes, words) -> None:
     assert words in refusal(changed(*changes))
+
+
+def test_variants_cross_model_forms() -> None:
+    """Stress, cycles, spectrum, damping and curves: each reaches the model of its own variant alone."""
+    curve = {"subgrade": {"curve": "darendeli"}}
+    variants = [
+        {"name": "plain"},
+        {"name": "total", "stress": "total"},
+        {"name": "counts", "cycles": "per_vehicle"},
+        {"name": "loss", "damping_convention": "loss_factor"},
+        {"name": "corner", "spectrum": "fra_one_corner", "fra_class": 5},
+        {"name": "soft", "soil": "equivalent_linear", "layers": curve},
+    ]
+    study = Study.from_mapping(sound() | {"track": {"model": "section"}, "variants": variants})
+    assert study.settlement_settings("total").stress == "total"
+    assert study.settlement_settings("counts").cycles == "per_vehicle"
+    assert study.settlement_settings("plain").stress == "traffic"
+    assert study.track("loss").damping_convention == "loss_factor"
+    assert study.track("plain").damping_convention == "damping_ratio"
+    assert dict(study.softening("soft").curves)["subgrade"].kind == "darendeli"
+    assert study.softening("plain") is None
+    plain, corner = (initial_profiles(study, range(2), name) for name in ("plain", "corner"))
+    assert not np.allclose(plain, corner)
+    np.testing.assert_allclose(np.angle(plain), np.angle(corner))  # the same random numbers
+    keys = {step_b_key(study, name, study.scenario_names[0]) for name in study.variant_names}
+    assert len(keys) == len(variants)
+
+
+@pytest.mark.parametrize(
+    ("change", "path"),
+    [
+        (
+            {
+                "track": {"model": "beam"},
+                "variants": [{"name": "x", "damping_convention": "loss_factor"}],
+            },
+            "variants[1].damping_convention",
+        ),
+    ],
+)
+def test_model_forms_without_meaning_are_refused(change, path) -> None:
+    with pytest.raises(InputError, match=re.escape(path)):
+        Study.from_mapping(sound() | change)
