@@ -179,7 +179,7 @@ def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryR
     days = sound[INTERVAL].fillna(np.inf)  # a censored one lies above any published value
     yield _with_reference(results, row, sound.assign(values=days), weights)
     yield from _growth_rows(results, variant, scenario, sound, weights)
-    yield from _tonnage_row(results, variant, scenario)
+    yield from tonnage_rows(results, variant, scenario)
     yield from _effect_rows(results, variant, scenario, weights)
 
 
@@ -264,16 +264,16 @@ def _growth(
     return tuple(rows)
 
 
-def _tonnage_row(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
+def tonnage_rows(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
     """Increase of the tonnage [%] where a published one is given: known, so it has no error."""
     metric, prices = "mgt_increase_percent", results.study.economics
     published = _reference(results.study, metric, scenario)
     if published is None or prices is None or scenario == prices.baseline:
         return
-    grown = [
-        100.0 * (m.study.mgt_per_year(scenario) / m.study.mgt_per_year(prices.baseline) - 1.0)
-        for m in results.members
-    ]
+    changes = [m.study.change(scenario) for m in results.members]
+    grown = [100.0 * (c.changed / c.base - 1.0) for c in changes if c and c.effect == "tonnage"]
+    if not grown:
+        return
     found = np.quantile(grown, LEVELS, method="inverted_cdf")
     n, note = len(grown), "from the timetable" if len(grown) == 1 else "from the loads drawn"
     rows = tuple(

@@ -1,6 +1,7 @@
 """A study with uncertain inputs end to end: what is shared, what is kept, what resumes."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import toy
 from test_pipeline import everything, table
@@ -14,7 +15,8 @@ from mcsettle.interaction import precompute
 from mcsettle.pipeline import build_case, initial_profiles, run_study
 from mcsettle.scene import step_b_key
 from mcsettle.step_a import Shelf, study_wavenumbers, track_response
-from mcsettle.summary import read_results, summary_rows
+from mcsettle.study import load_study
+from mcsettle.summary import Results, read_results, summary_rows, tonnage_rows
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 
@@ -254,3 +256,25 @@ def test_step_a_in_the_sets_of_a_section_track_is_not_scaled_when_the_soil_softe
 def test_what_shares_the_rows_of_step_b(change, same):
     keys = [step_b_key(s, "base", "v201") for s in (toy.study(), toy.study(**change))]
     assert (keys[0] == keys[1]) == same
+
+
+def test_the_increase_of_the_tonnage_stands_beside_the_published_one(root):
+    """From the timetable: 1/72 of the passenger trains, 4000 t and 8000 t on 0.054 MGT a day."""
+    study = load_study(root / "studies" / "traffic.toml")
+    results = Results(study, *(pd.DataFrame() for _ in range(3)))
+    found = {s: next(tonnage_rows(results, "calibrated", s)) for s in "BCD"}
+    shown = {s: round(row.at(0.5).value, 1) for s, row in found.items()}
+    assert shown == {"B": 1.4, "C": 7.4, "D": 14.8}
+    assert all(row.reference.value == shown[s] for s, row in found.items())
+    assert not list(tonnage_rows(results, "calibrated", "A"))
+
+
+def test_growth_beyond_a_short_horizon_is_told_as_such(tmp_path):
+    """A horizon of 30 days: nothing is known of day 365, and no limit came first."""
+    short = toy.study(
+        limit={"horizon_years": 30 / 365}, run={"realisations": 3, "history_days": [0, 5]}
+    )
+    run_study(short, tmp_path)
+    rows = summary_rows(read_results(tmp_path))
+    growth = next(row for row in rows if row.metric == "sd_growth_1y_mm")
+    assert growth.at(0.5).note == "the horizon comes before day 365"
