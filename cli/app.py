@@ -132,6 +132,10 @@ def run(
     shard_size: Annotated[
         int | None, typer.Option(min=1, help="Realisations of a shard (default: 2048).")
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Dask workers to use: local[:N] or the address of a scheduler."),
+    ] = None,
     take_over: TakeOver = False,
     cache: Annotated[
         str | None, typer.Option(help="Folder or URL of what Step A has computed.")
@@ -144,7 +148,7 @@ def run(
     with_cache(cache)
     loaded = load_study(study)
     checked_out(out)
-    together(shards, until, max_minutes)
+    together(shards, scheduler, until, max_minutes)
     _warn(loaded)
     options: dict[str, Any] = {
         "realisations": realisations,
@@ -158,7 +162,7 @@ def run(
         "progress": Progress(),
         "processes": cores(),
     }
-    runs.run(loaded, out, options, until, max_minutes, shards)
+    runs.run(loaded, out, options, until, max_minutes, shards, scheduler)
 
 
 @app.command()

@@ -112,7 +112,9 @@ def with_cache(cache: str | None) -> None:
         os.environ["MCSETTLE_CACHE"] = cache
 
 
-def together(shards: str | None, until: str | None, max_minutes: float | None) -> None:
+def together(
+    shards: str | None, scheduler: str | None, until: str | None, max_minutes: float | None
+) -> None:
     """Refuse options that contradict one another.
 
     Raises
@@ -120,8 +122,14 @@ def together(shards: str | None, until: str | None, max_minutes: float | None) -
     InputError
         A part of a run cannot know when the whole is precise enough.
     """
-    if shards is not None and (until is not None or max_minutes is not None):
-        raise InputError("--shards goes with neither --until nor --max-minutes; leave them out")
+    batches = until is not None or max_minutes is not None
+    for option, given in (("--shards", shards), ("--scheduler", scheduler)):
+        if given is not None and batches:
+            raise InputError(
+                f"{option} goes with neither --until nor --max-minutes; leave them out"
+            )
+    if shards is not None and scheduler is not None:
+        raise InputError("--shards and --scheduler are two ways of sharing a run; give one of them")
 
 
 class Progress:

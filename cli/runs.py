@@ -1,6 +1,6 @@
 """``mcsettle run``, ``status``, ``gather``: what they call, and what they say.
 
-Depends on: closing, errors, files, lock, pipeline, shards, study (types), cli.batches, cli.edge.
+Depends on: closing, cluster, errors, files, lock, pipeline, shards, study (types), cli.batches, cli.edge.
 """
 
 import json
@@ -29,6 +29,7 @@ def run(
     until: str | None = None,
     max_minutes: float | None = None,
     part: str | None = None,
+    scheduler: str | None = None,
 ) -> None:
     """Run a study or a slice of it; tells how it ended; exits with 3 or 5 where that is due."""
     where: Any = out if is_url(out) else Path(out)
@@ -37,7 +38,11 @@ def run(
         from mcsettle.shards import parse_slice
 
         options["shards"] = parse_slice(part)
-    if until is None and max_minutes is None:
+    if scheduler is not None:
+        from mcsettle.cluster import run_distributed
+
+        finished = run_distributed(study, where, scheduler, tell=talk, **options)
+    elif until is None and max_minutes is None:
         from mcsettle.pipeline import run_study
 
         finished = run_study(study, where, **options)

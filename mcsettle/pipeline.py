@@ -128,8 +128,11 @@ def prepare(
     processes: int = 1,
     part: Slice | None = None,
     shard_size: int | None = None,
+    start: bool = True,
 ) -> Prepared:
     """Do Step A, make the folder ready and find what is left to compute.
+
+    ``start``: this process will compute, so Taichi is started with its threads.
 
     Raises
     ------
@@ -144,7 +147,8 @@ def prepare(
     shards = slice_of(all_shards(study, size), part)
     shelf = Shelf.of(study) if study.uncertain else None
     central = step_a(study, progress, processes, shelf)
-    runtime.start(threads)  # before anything starts it with other threads
+    if start:  # before anything starts it with other threads
+        runtime.start(threads)
     provenance = _provenance(study, central, size)
     store.same_study(at, provenance)
     job = Job(study, at, provenance, threads, batch, progress, held=held_shards(at))

@@ -200,7 +200,8 @@ class Bucket(Place):
 
     def exists(self) -> bool:
         """Whether any object is there."""
-        return bool(self.names())
+        with self._reached("cannot be listed"):
+            return bool(self.store.get_file_info(self.prefix).type.name != "NotFound")
 
     @contextlib.contextmanager
     def _reached(self, what: str) -> Iterator[None]:

@@ -3,7 +3,8 @@
 What was computed once is kept in the cache folder under the digest of everything it depends on, so a
 change of Step B or of the economics costs nothing here.
 
-Depends on: beam, errors, fem25d, interaction, irregularity, soil, study, track, traffic, transfer_file.
+Depends on: beam, errors, fem25d, interaction, irregularity, shared_cache, soil, study, track,
+traffic, transfer_file.
 """
 
 import hashlib
@@ -21,6 +22,7 @@ from mcsettle.errors import InputError
 from mcsettle.files import cache_folder
 from mcsettle.interaction import precompute, transfer_digest
 from mcsettle.irregularity import wavenumbers
+from mcsettle.shared_cache import bring, share
 from mcsettle.soil import SofteningSettings
 from mcsettle.study import Study
 from mcsettle.track import BeamTrack, SectionTrack, Track
@@ -319,9 +321,13 @@ def _computed(
     """One set of transfer functions, from the cache if it is there and sound."""
     digest = transfer_digest(service.train, service.speed, modes, contact, response.digest)
     path = cache_folder() / f"transfer-{digest[:32]}.npz"
+    bring(path)
     if path.exists():
         try:
-            return load(path)
+            found = load(path)
+            if found.digest == digest:
+                return found
+            raise InputError(f"{path} holds the transfer functions of something else")
         except InputError as error:
             if progress is not None:
                 progress(f"Recomputing a damaged cache file ({error})", 1, 1)
@@ -329,6 +335,7 @@ def _computed(
     steps = None if progress is None else lambda done, total: progress(text, done, total)
     transfer = precompute(service.train, service.speed, response, modes, contact, steps)
     save(transfer, path)
+    share(path)
     return transfer
 
 

@@ -124,18 +124,26 @@ def _copy(job: Job, member: ParameterSet, twin: int, shard: Shard) -> bool:
 
 def advance(job: Job, member: ParameterSet, case: Case, todo: Iterable[Shard]) -> None:
     """Compute shards of one parameter set, variant and scenario."""
-    run, machine = member.study.run, None
-    for shard in todo:
-        if machine is None:
-            job.remarks += (
-                _check_expansion(member, case, shard) if member.index < CHECKED_SETS else []
-            )
-            machine = engine.Engine(case, run.stepping, run.right_hand_side, threads=job.threads)
-        started = time.monotonic()
-        job.log("begun", shard)
-        job.write(shard, _tables(job, member, machine, shard))
-        spent = time.monotonic() - started
-        job.log("done", shard, seconds=round(spent, 3), threads=job.threads, batch=job.batch)
+    machine = engine_for(job, member, case)
+    for n, shard in enumerate(todo):
+        if n == 0 and member.index < CHECKED_SETS:
+            job.remarks += _check_expansion(member, case, shard)
+        write_computed(job, member, machine, shard)
+
+
+def engine_for(job: Job, member: ParameterSet, case: Case) -> engine.Engine:
+    """The engine of one parameter set, variant and scenario."""
+    run = member.study.run
+    return engine.Engine(case, run.stepping, run.right_hand_side, threads=job.threads)
+
+
+def write_computed(job: Job, member: ParameterSet, machine: engine.Engine, shard: Shard) -> None:
+    """Compute one shard and write it."""
+    started = time.monotonic()
+    job.log("begun", shard)
+    job.write(shard, _tables(job, member, machine, shard))
+    spent = time.monotonic() - started
+    job.log("done", shard, seconds=round(spent, 3), threads=job.threads, batch=job.batch)
 
 
 def _tables(

@@ -27,6 +27,7 @@ from mcsettle.study_schema import (
 
 LARGEST_FILE = 1_000_000  # bytes
 MOST_DOTS = 2500  # in one line
+MOST_KEYS = 1000  # of one table: each is answered with the known key that is nearest
 DEEPEST = 12  # tables in one another; a study has half as many
 _SINGLE: Mapping[str, type[Table]] = {
     "track": TrackTable,
@@ -70,7 +71,7 @@ def parsed_toml(data: bytes, origin: str) -> dict[str, Any]:
         text = data.decode("utf-8")
         _refuse_long_keys(text)
         found = tomllib.loads(text)
-        _refuse_deep(found)
+        _refuse_monstrous(found)
     except UnicodeDecodeError as error:
         raise InputError(f"{origin} is not UTF-8 text (byte {error.start})") from None
     except (ValueError, RecursionError) as error:
@@ -122,10 +123,13 @@ def _refuse_long_keys(text: str) -> None:
         raise ValueError(f"a line has more than {MOST_DOTS} dots")
 
 
-def _refuse_deep(data: dict[str, Any]) -> None:
-    """Refuse tables nested deeper than any study has them."""
+def _refuse_monstrous(data: dict[str, Any]) -> None:
+    """Refuse tables nested deeper, or with more keys, than any study has them."""
     level: list[Any] = [data]
     for _ in range(DEEPEST):
+        most = max((len(value) for value in level if isinstance(value, dict)), default=0)
+        if most > MOST_KEYS:
+            raise ValueError(f"a table has {most} keys; at most {MOST_KEYS}")
         inner = [
             v for value in level for v in (value.values() if isinstance(value, dict) else value)
         ]

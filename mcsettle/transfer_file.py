@@ -1,12 +1,10 @@
 """Transfer functions on disk: one npz file without pickles, written whole or not at all.
 
-Depends on: errors, transfer.
+Depends on: errors, npz, transfer.
 """
 
 import hashlib
 import os
-import zipfile
-import zlib
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
@@ -15,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcsettle.errors import InputError
+from mcsettle.npz import DAMAGED, refuse_large
 from mcsettle.transfer import DepthGrid, TransferFunctions
 
 FORMAT = "mcsettle transfer functions 1"
@@ -69,11 +68,12 @@ def load(path: str | Path) -> TransferFunctions:
         If the file is damaged or of another format.
     """
     try:
+        refuse_large(Path(path))
         with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
             members = {name: file[name] for name in file.files}
     except FileNotFoundError:
         raise
-    except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error, KeyError) as error:
+    except (*DAMAGED, KeyError) as error:
         raise InputError(f"{path} is damaged or no file of transfer functions: {error}") from error
     stored = str(members.pop("checksum", ""))
     found = str(members.get("format", "nothing"))
@@ -81,15 +81,16 @@ def load(path: str | Path) -> TransferFunctions:
         raise InputError(f"{path} holds '{found}', expected '{FORMAT}'; compute it anew")
     if stored != _checksum(members):
         raise InputError(f"{path} is damaged: its checksum does not match; compute it anew")
-    grid = DepthGrid(*(members[f"grid_{name}"] for name in _GRID))
-    arrays = {name: members[name] for name in _ARRAYS}
-    return TransferFunctions(
-        train=str(members["train"]),
-        speed=float(members["speed"]),
-        grid=grid,
-        digest=str(members["digest"]),
-        **arrays,
-    )
+    try:
+        return TransferFunctions(
+            train=str(members["train"]),
+            speed=float(members["speed"]),
+            grid=DepthGrid(*(members[f"grid_{name}"] for name in _GRID)),
+            digest=str(members["digest"]),
+            **{name: members[name] for name in _ARRAYS},
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path} is damaged ({error}); compute it anew") from error
 
 
 def _checksum(members: dict[str, NDArray[Any]]) -> str:

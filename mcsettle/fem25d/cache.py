@@ -1,6 +1,6 @@
 """Arrays on disk: found by the digest of all they depend on, checked, written atomically.
 
-Depends on: reduced.
+Depends on: npz, reduced, shared_cache.
 """
 
 import hashlib
@@ -8,7 +8,6 @@ import json
 import os
 import tempfile
 import warnings
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,6 +15,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mcsettle.fem25d.reduced import Band
+from mcsettle.npz import DAMAGED, refuse_large
+from mcsettle.shared_cache import bring, share
 
 FORMAT = 4  # raise whenever the same settings would give other numbers
 T = TypeVar("T")
@@ -40,7 +41,8 @@ def write_bands(path: Path, bands: tuple[Band, ...], errors: np.ndarray) -> None
 
 
 def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write arrays and their checksum to one ``.npz``, complete or not at all."""
+    """Write arrays, the name they go by and their checksum to one ``.npz``, complete or not at all."""
+    arrays = arrays | {"name": np.array(path.stem)}
     checksum = np.array(_checksum(arrays))
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
@@ -53,6 +55,7 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+    share(path)
 
 
 def read_bands(path: Path) -> tuple[tuple[Band, ...], np.ndarray] | None:
@@ -62,15 +65,19 @@ def read_bands(path: Path) -> tuple[tuple[Band, ...], np.ndarray] | None:
 
 def read_arrays(path: Path, what: str, make: Callable[[dict[str, np.ndarray]], T]) -> T | None:
     """What ``make`` makes of stored arrays; None without a file or (with a warning) a sound one."""
+    bring(path)
     if not path.exists():
         return None
     try:
+        refuse_large(path)
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         if str(arrays.pop("checksum")) != _checksum(arrays):
             raise ValueError("its checksum does not match")
+        if str(arrays.pop("name", path.stem)) != path.stem:
+            raise ValueError("it is another file under this name")
         return make(arrays)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (*DAMAGED, KeyError) as error:
         warnings.warn(
             f"the stored {what} {path} is damaged ({error}); it is computed again",
             RuntimeWarning,

@@ -1,0 +1,178 @@
+"""A worker of a distributed run: it is sent the number of a shard, and writes the shard.
+
+All it needs it finds in the results folder: study, provenance, and what Step A has computed
+(DIR/.step_a). Each process keeps one Taichi runtime with kernels of its own, and works on one shard at a
+time whatever the scheduler sends it.
+
+Depends on: draws, errors, ledger, place, scene, shards, step_a, step_b, store, summary, transfer_file;
+inside: mcsettle.kernels.
+"""
+
+import atexit
+import json
+import os
+import shutil
+import tempfile
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from mcsettle import step_b, store
+from mcsettle.closing import held_shards
+from mcsettle.draws import ParameterSet, all_sets
+from mcsettle.engine import Engine
+from mcsettle.errors import InputError
+from mcsettle.files import cache_folder
+from mcsettle.ledger import read_record
+from mcsettle.place import Place, place
+from mcsettle.scene import build_case
+from mcsettle.shards import Shard, all_shards
+from mcsettle.step_a import Shelf, StepA, step_a
+from mcsettle.summary import study_of
+from mcsettle.transfer_file import load, save
+
+STEP_A = ".step_a"
+INDEX = f"{STEP_A}/index.json"
+LARGEST_INDEX = 10_000_000  # bytes
+_one = threading.Lock()
+_bench: "Bench | None" = None
+
+
+class Done(NamedTuple):
+    """A shard that is there: whether it was computed just now, and how many of its rows failed."""
+
+    number: int
+    computed: bool
+    n_failed: int
+
+
+@dataclass
+class Bench:
+    """What a worker keeps from shard to shard of one run."""
+
+    key: str
+    job: step_b.Job
+    members: list[ParameterSet]
+    shards: list[Shard]
+    shelf: Shelf | None
+    group: tuple[int, str, str] | None = None
+    engine: Engine | None = None
+    prepared: dict[int, StepA] = field(default_factory=dict)
+
+    def engine_of(self, shard: Shard) -> Engine:
+        """The engine of a shard, kept for its neighbours."""
+        if self.engine is None or self.group != shard.group:
+            member = self.members[shard.member]
+            if shard.member not in self.prepared:
+                self.prepared = {shard.member: self._step_a(member)}
+            case = build_case(
+                member.study, self.prepared[shard.member], shard.variant, shard.scenario
+            )
+            self.engine, self.group = step_b.engine_for(self.job, member, case), shard.group
+        return self.engine
+
+    def _step_a(self, member: ParameterSet) -> StepA:
+        if self.shelf is None:
+            return read_step_a(self.job.at)
+        return step_a(member.study, shelf=self.shelf)
+
+
+def work(where: str, key: str, number: int, threads: int | None, batch: int | None) -> Done:
+    """Make shard ``number`` of the run ``key`` in ``where``; nothing is done if it is there.
+
+    Raises
+    ------
+    InputError
+        The folder is of another run, or cannot be read or written.
+    """
+    global _bench
+    with _one:
+        if _bench is None or _bench.key != key:
+            _bench = _set_up(where, key, threads)
+        bench, shard = _bench, _bench.shards[number]
+        bench.job.batch = batch
+        computed = not bench.job.is_whole(shard)
+        if computed:
+            member = bench.members[shard.member]
+            step_b.write_computed(bench.job, member, bench.engine_of(shard), shard)
+        found = read_record(bench.job.at, shard.name, bench.job.provenance)
+    return Done(number, computed, 0 if found is None else found.n_failed)
+
+
+def share_step_a(at: Place, central: StepA) -> None:
+    """Put what Step A has computed into the results folder, for the workers."""
+    index: dict[str, dict[str, list[str]]] = {}
+    held = set(at.names(STEP_A))
+    for (variant, scenario), group in central.transfers.items():
+        for transfer in group:
+            name = f"{STEP_A}/{transfer.digest}.npz"
+            index.setdefault(variant, {}).setdefault(scenario, []).append(transfer.digest)
+            if name not in held:
+                held.add(name)
+                with tempfile.TemporaryDirectory() as folder:
+                    save(transfer, Path(folder) / "transfer.npz")
+                    at.write(name, (Path(folder) / "transfer.npz").read_bytes())
+    at.write(INDEX, json.dumps(index, indent=1).encode())
+
+
+def read_step_a(at: Place) -> StepA:
+    """What ``share_step_a`` has put there.
+
+    Raises
+    ------
+    InputError
+        It is missing or damaged.
+    """
+    try:
+        index = store.read_json(at, INDEX, LARGEST_INDEX)
+        found = {}
+        with tempfile.TemporaryDirectory() as folder:
+            for digest in {d for part in index.values() for group in part.values() for d in group}:
+                path = Path(folder) / "transfer.npz"
+                path.write_bytes(at.read(f"{STEP_A}/{digest}.npz"))
+                found[digest] = load(path)
+                if found[digest].digest != digest:
+                    raise InputError(f"'{at}/{STEP_A}/{digest}.npz' holds another file")
+    except (FileNotFoundError, AttributeError, TypeError) as error:
+        raise InputError(f"'{at}/{STEP_A}' is damaged ({error}); start the run again") from error
+    return StepA(
+        {
+            (variant, scenario): tuple(found[digest] for digest in group)
+            for variant, part in index.items()
+            for scenario, group in part.items()
+        }
+    )
+
+
+def _set_up(where: str, key: str, threads: int | None) -> Bench:
+    from mcsettle.kernels import runtime
+
+    _own_kernels()
+    at = place(where)
+    provenance, study = store.read_provenance(at), study_of(at)
+    if provenance.digest != key:
+        raise InputError(f"'{at}' is not the folder of this run as this worker sees it")
+    runtime.start(threads)
+    job = step_b.Job(study, at, provenance, threads, held=held_shards(at))
+    shelf = Shelf.of(study) if study.uncertain else None
+    shards = all_shards(study, provenance.shard_realisations)
+    return Bench(key, job, all_sets(study), shards, shelf)
+
+
+def _own_kernels() -> None:
+    """Compiled kernels in a folder of this process's own, begun as a copy of the common one."""
+    if "MCSETTLE_KERNELS" in os.environ:
+        return
+    from mcsettle.kernels import runtime
+
+    folder = Path(tempfile.mkdtemp(prefix="mcsettle-kernels-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    common = cache_folder() / runtime.cache_name()
+    if common.is_dir():
+        ignore = shutil.ignore_patterns("*.lock", ".probe-*")
+        try:
+            shutil.copytree(common, folder / runtime.cache_name(), ignore=ignore)
+        except (OSError, shutil.Error):  # changed under our hands: what is missing is compiled
+            shutil.rmtree(folder / runtime.cache_name(), ignore_errors=True)
+    os.environ["MCSETTLE_KERNELS"] = str(folder)

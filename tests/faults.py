@@ -1,0 +1,106 @@
+"""A program that runs a study again and again in children that are killed: imports are paid once.
+
+    python tests/faults.py STUDY OUT KILLS SEED
+
+Each child runs the study into OUT; the parent kills it, by SIGKILL, after a random time, or the child
+kills itself at a random one of its writes: before, in the middle of, or after it. After the last kill a
+child runs undisturbed. One JSON line on stdout: kills, of them in writes, runs that
+ended before their kill, shards that were deleted after those.
+"""
+
+import json
+import os
+import random
+import signal
+import sys
+import time
+from pathlib import Path
+
+import mcsettle.closing
+import mcsettle.pipeline
+from mcsettle import files, step_b  # noqa: F401 - imported once, before the children
+from mcsettle.kernels import runtime, spectral  # noqa: F401
+from mcsettle.study import load_study
+
+
+def die_in_write(nth: int, where: str) -> None:
+    """Kill this process at its ``nth`` write of a file: "before" it, "half" way, or "after" it."""
+    kept, count = os.replace, 0
+
+    def replace(source: Path, target: Path) -> None:
+        nonlocal count
+        count += 1
+        if count == nth:
+            if where == "half":  # what a crash leaves of a file that was not yet synchronised
+                data = source.read_bytes()
+                source.write_bytes(data[: len(data) // 2])
+            if where == "after":
+                kept(source, target)
+            os.kill(os.getpid(), signal.SIGKILL)
+        kept(source, target)
+
+    os.replace = files.os.replace = replace
+
+
+def child(study: Path, out: Path, rng: random.Random, undisturbed: bool) -> int:
+    """Fork a child that runs the study; returns its process id."""
+    nth = 0 if undisturbed or rng.random() < 0.5 else rng.randrange(1, 40)
+    where = rng.choice(("before", "half", "after"))
+    pid = os.fork()
+    if pid:
+        return pid
+    code = 1
+    try:
+        if nth:
+            die_in_write(nth, where)
+        mcsettle.pipeline.run_study(load_study(study), out, threads=1, shard_size=2)
+        code = 0
+    finally:
+        os._exit(code)
+
+
+def await_or_kill(pid: int, patience: float) -> int | None:
+    """Status of a child that ends by itself within ``patience`` seconds; None: it was killed."""
+    until = time.monotonic() + patience
+    while time.monotonic() < until:
+        done, status = os.waitpid(pid, os.WNOHANG)
+        if done:
+            return status
+        time.sleep(0.005)
+    os.kill(pid, signal.SIGKILL)
+    _, status = os.waitpid(pid, 0)
+    return None if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL else status
+
+
+def main() -> None:
+    """Kill, resume, kill …"""
+    study, out, kills, seed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
+    rng, killed, in_writes, ended, removed = random.Random(seed), 0, 0, 0, 0
+    longest = 2.0
+    while killed < kills:
+        started = time.monotonic()
+        pid = child(study, out, rng, undisturbed=False)
+        status = await_or_kill(pid, rng.uniform(0.0, longest))
+        if status is None:
+            killed += 1
+        elif os.WIFSIGNALED(status):
+            killed, in_writes = killed + 1, in_writes + 1
+        elif os.WEXITSTATUS(status):
+            sys.exit("a run failed")
+        else:  # finished: begin again with some shards gone
+            ended += 1
+            longest = max(1.0, 0.9 * (time.monotonic() - started))
+            shards = sorted((out / "realisations").iterdir())
+            for path in rng.sample(shards, rng.randrange(1, len(shards) + 1)):
+                path.unlink()
+                removed += 1
+    pid = child(study, out, rng, undisturbed=True)
+    _, status = os.waitpid(pid, 0)
+    told = {"killed": killed, "in_writes": in_writes, "ended": ended, "removed": removed}
+    json.dump(told, sys.stdout)
+    sys.stdout.flush()
+    sys.exit(os.waitstatus_to_exitcode(status))
+
+
+if __name__ == "__main__":
+    main()

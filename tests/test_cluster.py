@@ -1,0 +1,221 @@
+"""A run by Dask workers: the same bytes, whatever dies on the way; the long ones with real processes."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import toy
+from test_pipeline import everything
+from typer.testing import CliRunner
+
+from mcsettle import cluster, ledger, worker
+from mcsettle.cli.app import app
+from mcsettle.closing import gather, survey
+from mcsettle.errors import InputError
+from mcsettle.pipeline import run_study
+from mcsettle.study import resolved_toml
+
+distributed = pytest.importorskip("distributed")
+pytestmark = [
+    pytest.mark.usefixtures("fresh_cache"),
+    pytest.mark.filterwarnings("ignore"),  # Dask's own, of every kind
+]
+N, SIZE = 6, 2
+
+
+@pytest.fixture(scope="module")
+def study():
+    return toy.study(run={"realisations": N})
+
+
+@pytest.fixture(scope="module")
+def whole(fresh_cache, study, tmp_path_factory):
+    return run_study(study, tmp_path_factory.mktemp("whole") / "out", shard_size=SIZE).folder
+
+
+@pytest.fixture(scope="module")
+def here():
+    """A scheduler and two workers that are threads of this process."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None,
+    ) as found:  # fmt: skip
+        yield found.scheduler_address
+
+
+@pytest.fixture
+def in_process(here, monkeypatch):
+    """``local`` is the cluster of this process, whose kernels stay where they are."""
+    monkeypatch.setattr(worker, "_own_kernels", lambda: None)
+    monkeypatch.setattr(worker, "_bench", None)
+    monkeypatch.setattr(cluster, "_scheduler", lambda *_: contextlib.nullcontext((here, None)))
+
+
+@pytest.mark.parametrize(
+    "text", ["", "local:0", "local:x", "host:8786", "tcp://host", "http://a:1"]
+)
+def test_scheduler_is_local_or_an_address(text):
+    with pytest.raises(InputError, match="--scheduler received"):
+        cluster.parse_scheduler(text)
+
+
+def test_workers_write_the_same_bytes(study, whole, tmp_path, in_process):
+    done = cluster.run_distributed(study, tmp_path, "local", shard_size=SIZE)
+    assert (done.n_shards, done.n_computed, done.n_failed) == (6, 6, 0)
+    assert everything_but_step_a(tmp_path) == everything(whole)
+    again = cluster.run_distributed(study, tmp_path, "local")
+    assert again.n_computed == 0
+
+
+def everything_but_step_a(folder: Path) -> dict[str, bytes]:
+    return {k: v for k, v in everything(folder).items() if not k.startswith(worker.STEP_A)}
+
+
+def test_a_poisoned_shard_becomes_failed_rows_and_heals(
+    study, whole, tmp_path, in_process, monkeypatch
+):
+    """One shard fails every time: its rows say why, exit code 3; the next run tries it once more."""
+    kept, asked = worker.step_b.write_computed, []
+
+    def poisoned(job, member, machine, shard):
+        asked.append(shard.name)
+        if "v225--00000002" in shard.name:
+            raise FloatingPointError("poison")
+        kept(job, member, machine, shard)
+
+    monkeypatch.setattr(worker.step_b, "write_computed", poisoned)
+    path = tmp_path / "study.toml"
+    path.write_text(resolved_toml(study), encoding="utf-8")
+    out = tmp_path / "out"
+    done = CliRunner().invoke(
+        app,
+        ["run", str(path), "--out", str(out), "--scheduler", "local", "--shard-size", str(SIZE)],
+    )
+    assert done.exit_code == 3, done.stderr
+    assert "FloatingPointError: poison" in done.stderr
+    bad = "base--v225--00000002-00000003.parquet"
+    assert asked.count(bad) == 1 + cluster.RETRIES
+    found = survey(out)
+    assert [(fault.shard, fault.state) for fault in found.faults] == [(bad, "failed")]
+    assert gather(out).n_failed == 0  # of the whole shards
+    rows = worker.store.read(out, "realisations").to_pandas()
+    failed = rows[rows["status"] == "failed"]
+    assert failed["realisation"].tolist() == [2, 3]
+    assert failed["failure"].str.contains("poison").all()
+    assert (failed["sd_initial_mm"].round(9) == 1.03).all()
+    monkeypatch.setattr(worker.step_b, "write_computed", kept)
+    healed = cluster.run_distributed(study, out, "local")
+    assert healed.n_computed == 1
+    assert everything_but_step_a(out) == everything(whole)
+
+
+def test_the_window_is_bounded(study, tmp_path, in_process, monkeypatch):
+    kept, most = cluster._take, []
+
+    def watched(job, client):
+        most.append(len(job.out))
+        kept(job, client)
+
+    monkeypatch.setattr(cluster, "_take", watched)
+    cluster.run_distributed(study, tmp_path, "local", shard_size=1)
+    assert 0 < max(most) <= 2 * cluster.WINDOW
+
+
+def test_a_damaged_step_a_is_refused(study, tmp_path, in_process):
+    cluster.run_distributed(study, tmp_path, "local", shard_size=SIZE)
+    from mcsettle.place import place
+
+    at = place(tmp_path)
+    held = worker.read_step_a(at)
+    assert held.digest == survey(tmp_path).provenance.transfer_digest
+    name = next(n for n in at.names(worker.STEP_A) if n.endswith(".npz"))
+    at.write(name, at.read(name)[:-100])
+    with pytest.raises(InputError, match="damaged"):
+        worker.read_step_a(at)
+    for text in ("[]", '{"base": 1}', '{"base": {"v201": ["../../x"]}}'):
+        at.write(worker.INDEX, text.encode())
+        with pytest.raises(InputError, match=r"damaged|holds another"):
+            worker.read_step_a(at)
+
+
+def test_without_a_scheduler_it_says_so(study, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "PATIENCE", 0.0)
+    with pytest.raises(InputError, match=r"no scheduler answers at tcp://127.0.0.1:9"):
+        cluster.run_distributed(study, tmp_path, "tcp://127.0.0.1:9", shard_size=SIZE)
+
+
+# --- real processes -------------------------------------------------------------------------------
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def dask(*arguments: str, log: Path) -> subprocess.Popen[bytes]:
+    program = [sys.executable, "-m", "dask", *arguments]
+    with log.open("ab") as file:
+        return subprocess.Popen(program, stdout=file, stderr=file, start_new_session=True)
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def done_shards(out: Path) -> int:
+    return len(list((out / ledger.RECORDS).glob("*.json")))
+
+
+def wait_for(out: Path, n: int, of: subprocess.Popen[bytes]) -> None:
+    while done_shards(out) < n:
+        assert of.poll() is None, "the run ended too early"
+        time.sleep(0.05)
+
+
+@pytest.mark.slow
+def test_a_killed_worker_and_a_restarted_scheduler(tmp_path):
+    """40 shards, two workers: one is killed, then the scheduler too; ≤ 2 shards are repeated for each."""
+    study = toy.study(run={"realisations": 40}, settlement={"settlement_factor": 30})
+    whole = run_study(study, tmp_path / "whole", shard_size=2).folder
+    path, out, log = tmp_path / "study.toml", tmp_path / "out", tmp_path / "log"
+    path.write_text(resolved_toml(study), encoding="utf-8")
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    head = ("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    hand = ("worker", address, "--nthreads", "1", "--no-dashboard")
+    running = [dask(*head, log=log), dask(*hand, log=log), dask(*hand, log=log)]
+    program = "from mcsettle.cli.app import main; main()"
+    try:
+        client = subprocess.Popen(
+            [sys.executable, "-c", program, "run", str(path), "--out", str(out),
+             "--scheduler", address, "--shard-size", "2"]
+        )  # fmt: skip
+        wait_for(out, 8, client)
+        stop(running[2])
+        wait_for(out, 16, client)
+        stop(running[0])
+        running.append(dask(*head, log=log))
+        stop(running[1])  # a worker of today's Dask goes with its scheduler
+        running += [dask(*hand, log=log), dask(*hand, log=log)]
+        assert client.wait(timeout=600) == 0
+    finally:
+        for process in running:
+            stop(process)
+    assert everything_but_step_a(out) == everything(whole)
+    begun = [
+        line["shard"]
+        for file in (out / ".log").iterdir()
+        for line in map(json.loads, file.read_text(encoding="utf-8").splitlines())
+        if line["event"] == "begun"
+    ]
+    assert len(set(begun)) == 40
+    assert len(begun) - 40 <= 2  # what the two killed workers had in hand
