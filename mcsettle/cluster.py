@@ -9,11 +9,13 @@ back and sends what was unanswered again; a worker that finds a shard whole leav
 Depends on: closing, errors, lock, pipeline, place, step_b, study, worker; inside: distributed.
 """
 
+import asyncio
 import contextlib
 import re
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent import futures
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -189,7 +191,7 @@ def _drive(job: _Work, address: str, progress: Callable[[str, int, int], None] |
                     _take(job, client)
                     if progress is not None:
                         progress("Shards", job.tally.answered, job.tally.n_shards)
-        except _LostError:
+        except _GONE:
             _call_back(job)
             now = time.monotonic()
             if missing_since is None:
@@ -205,6 +207,10 @@ def _drive(job: _Work, address: str, progress: Callable[[str, int, int], None] |
 
 class _LostError(Exception):
     """The scheduler has gone away."""
+
+
+# What may reach us of a scheduler's end: errors of connections are OSErrors.
+_GONE = (_LostError, OSError, TimeoutError, asyncio.CancelledError, futures.CancelledError)
 
 
 @contextlib.contextmanager
@@ -255,17 +261,17 @@ def _take(job: _Work, client: Any) -> None:
     if client.status != "running":
         raise _LostError
     for number, future in list(job.out.items()):
-        if future.status == "pending":
-            continue
-        del job.out[number]
         if future.status == "finished":
             done = future.result(timeout=30)
             job.tally.answered += 1
             job.tally.computed += done.computed
         elif future.status == "error":
             _settle(job, number, future.exception(timeout=30))
+        elif future.status == "pending":
+            continue
         else:  # cancelled or lost: the scheduler was another one for a while
             job.numbers.appendleft(number)
+        del job.out[number]  # not before its answer is here: asking for it may fail
         future.release()
 
 
