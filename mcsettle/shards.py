@@ -16,6 +16,8 @@ from mcsettle.errors import InputError
 from mcsettle.study import Study
 
 MOST_SHARDS = 5_000_000
+# Measured in docs/scale.md: of a shard whatever its rows, of a realisation, of an SD of its history.
+SHARD_BYTES, REALISATION_BYTES, SD_BYTES = 12_000.0, 26.0, 6.6
 _SLICE = re.compile(r"\s*([0-9]{1,9})\s*/\s*([0-9]{1,9})\s*")
 
 
@@ -126,3 +128,16 @@ def slice_of(shards: list[Shard], part: Slice | None) -> list[Shard]:
         return shards
     first, stop = ((k * len(shards)) // part.n for k in (part.i - 1, part.i))
     return shards[first:stop]
+
+
+def estimated_bytes(realisations: int, history_days: float, shards: int = 1) -> float:
+    """Bytes on disk of ``realisations`` rows with ``history_days`` SDs each, in ``shards`` shards.
+
+    Of ``realisations`` and ``history`` together, records included, ``effects`` not.
+
+    Examples
+    --------
+    >>> round(estimated_bytes(2048, 33) / 1e6, 2)
+    0.51
+    """
+    return shards * SHARD_BYTES + realisations * (REALISATION_BYTES + history_days * SD_BYTES)

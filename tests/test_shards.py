@@ -23,7 +23,7 @@ from mcsettle.errors import InputError, NumericalError
 from mcsettle.ledger import record_name
 from mcsettle.pipeline import run_study
 from mcsettle.place import place
-from mcsettle.shards import Slice, all_shards, n_shards, parse_slice, slice_of
+from mcsettle.shards import Slice, all_shards, estimated_bytes, n_shards, parse_slice, slice_of
 from mcsettle.summary import read_results
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -102,6 +102,14 @@ def test_slices_have_to_agree_on_the_size_of_the_run(study, tmp_path):
         run_study(study, tmp_path, realisations=4, shards=Slice(2, 6))
     with pytest.raises(InputError, match="shard realisations 2 where this run has 3"):
         run_study(study, tmp_path, shards=Slice(2, 6), shard_size=3)
+
+
+def test_the_size_of_a_run_is_known_beforehand(whole):
+    """Of shards so small that they are all footer, within a fifth."""
+    tables = ("realisations", "history", ".shards")
+    size = sum(p.stat().st_size for table in tables for p in (whole / table).iterdir())
+    days = store.read(whole, "history").num_rows / (2 * N)
+    assert 0.8 < estimated_bytes(2 * N, days, 6) / size < 1.25
 
 
 # --- status and gather ----------------------------------------------------------------------------
