@@ -81,9 +81,11 @@ def write_lives(found: Sequence["Life"], folder: Path) -> None:
             )
     for name, rows in (("lives", lives), ("tampings", tampings)):
         frame = pd.DataFrame(rows)
-        write_whole(
-            folder, f"{name}.parquet", lambda path, f=frame: f.to_parquet(path, index=False)
-        )
+
+        def fill(path: Path, frame: pd.DataFrame = frame) -> None:
+            frame.to_parquet(path, index=False)
+
+        write_whole(folder, f"{name}.parquet", fill)
     talk(f"Wrote lives.parquet and tampings.parquet to {folder}")
 
 
