@@ -79,7 +79,13 @@ def compare(first: Results, second: Results) -> Comparison:
             f"{_names(scenes)} and {_names(sorted(others))}"
         )
     why = _why_unpaired(first.study, second.study)
-    rows = [row for scene in common for row in _rows(first, second, *scene, not why)]
+    rows = [
+        row
+        for variant, scenario in common
+        for row in _rows(
+            first, second, variant, scenario, not why and _same_spectrum(first, second, variant)
+        )
+    ]
     shared = 0 if why else _shared(first, second)
     only = [f"{v} {s}: only in the first" for v, s in scenes if (v, s) not in others]
     only += [f"{v} {s}: only in the second" for v, s in sorted(others) if (v, s) not in scenes]
@@ -161,6 +167,12 @@ def _why_unpaired(first: Study, second: Study) -> str:
     if first.uncertain != second.uncertain or first.correlations != second.correlations:
         return "the uncertain inputs differ: the same parameter set is not the same draw"
     return ""
+
+
+def _same_spectrum(first: Results, second: Results, variant: str) -> bool:
+    """Whether a variant draws its tracks from one spectrum in both runs."""
+    one, other = (results.study.variant(variant) for results in (first, second))
+    return (one.spectrum, one.fra_class) == (other.spectrum, other.fra_class)
 
 
 def _shared(first: Results, second: Results) -> int:

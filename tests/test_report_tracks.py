@@ -28,12 +28,12 @@ MIXED = [*BASE, {"train": "freight", "speed_kmh": 97.0, "per_day": 24}]
 
 @pytest.fixture(scope="module")
 def run(fresh_cache, tmp_path_factory) -> Path:
-    """Two realisations of a day of passenger trains, and of one with freight trains."""
+    """Five realisations of a day of passenger trains, and of one with freight trains."""
     study = toy.study(
         trains=TRAINS,
         scenarios=[{"name": "A", "timetable": BASE}, {"name": "C", "timetable": MIXED}],
         economics={"effect": "tonnage", "baseline": "A"},
-        run={"realisations": 2},
+        run={"realisations": 5},
     )
     folder = tmp_path_factory.mktemp("mixed") / "run"
     run_study(study, folder)

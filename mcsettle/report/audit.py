@@ -39,7 +39,8 @@ def method_blocks(material: Material) -> Iterator[Block]:
         f"oscillating load, from {kind} (track {table.preset_name}). {soil} Whole trains, with car "
         "bodies, bogies and wheelsets, are coupled through the track, Eq. (3)."
     )
-    spectrum = study.profile.spectrum.replace("_", " ").replace("fra", "FRA")
+    own = study.variant(material.variant).spectrum or study.profile.spectrum
+    spectrum = own.replace("_", " ").replace("fra", "FRA")
     spectrum = spectrum.replace("german", "German")
     yield Text(
         f"Step B, for every random track: a Gaussian profile of the {spectrum} spectrum, "

@@ -32,7 +32,7 @@ def prepared_step_a(material: Material) -> StepA:
 def profiles_at_limit(material: Material, prepared: StepA) -> list[Profile]:
     """The track ``TRACK`` before traffic and when it ends, in each scenario of the answer's variant."""
     study = material.study
-    amplitudes = initial_profiles(study, range(TRACK, TRACK + 1))
+    amplitudes = initial_profiles(study, range(TRACK, TRACK + 1), material.variant)
     modes = study_wavenumbers(study)
     x = np.linspace(0.0, min(study.profile.window_m, 200.0), 801)
     found = []
@@ -67,7 +67,7 @@ def mixed_days(material: Material, scenario: str, prepared: StepA) -> MixedDays 
     last = MIXED_FROM + MIXED_DAYS
     case = replace(build_case(study, prepared, material.variant, scenario), horizon=last)
     days = np.linspace(MIXED_FROM, last, MIXED_POINTS + 1)
-    amplitudes = initial_profiles(study, range(TRACK, TRACK + 1))
+    amplitudes = initial_profiles(study, range(TRACK, TRACK + 1), material.variant)
     outcome = engine.Engine(case, "every_axle").run(amplitudes, days)
     sd = outcome.history[0] / MM
     if outcome.failed[0] or np.isnan(sd).any():
