@@ -302,8 +302,9 @@ def _corrected(
     skew = float(cubes / (6.0 * squares**1.5)) if squares > 0.0 else 0.0
     below = np.mean(others < mean) + 0.5 * np.mean(others == mean)
     bias = float(stats.norm.ppf(np.clip(below, 1.0 / len(others), 1.0 - 1.0 / len(others))))
-    z = bias + np.asarray(stats.norm.ppf([drawn.alpha, 1.0 - drawn.alpha]))
-    ends = stats.norm.cdf(bias + z / (1.0 - skew * z))
+    least = max(drawn.alpha, 1e-9)  # of two sets or tracks the tails are beyond any resample
+    z = bias + np.asarray(stats.norm.ppf([least, 1.0 - least]))
+    ends = stats.norm.cdf(bias + z / np.maximum(1.0 - skew * z, 1e-3))
     return float(ends[0]), float(ends[1])
 
 

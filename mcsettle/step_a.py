@@ -28,11 +28,14 @@ from mcsettle.study import Study
 from mcsettle.track import BeamTrack, SectionTrack, Track
 from mcsettle.traffic import Service, Train
 from mcsettle.transfer import TrackResponse, TransferFunctions
-from mcsettle.transfer_file import load, save
+from mcsettle.transfer_file import keep_newest, load, save
 
 if TYPE_CHECKING:
     from mcsettle.fem25d import Settings, SofteningHistory
 
+LARGEST_CACHE = (
+    4_000_000_000  # bytes of transfer functions kept: drawn vehicles leave one file a set
+)
 Progress = Callable[[str, int, int], None]
 
 
@@ -326,6 +329,7 @@ def _computed(
         try:
             found = load(path)
             if found.digest == digest:
+                path.touch()  # used last: kept longest
                 return found
             raise InputError(f"{path} holds the transfer functions of something else")
         except InputError as error:
@@ -336,6 +340,7 @@ def _computed(
     transfer = precompute(service.train, service.speed, response, modes, contact, steps)
     save(transfer, path)
     share(path)
+    keep_newest(path.parent, "transfer-*.npz", LARGEST_CACHE)
     return transfer
 
 

@@ -3,6 +3,7 @@
 Depends on: errors, npz, transfer.
 """
 
+import contextlib
 import hashlib
 import os
 from pathlib import Path
@@ -101,3 +102,21 @@ def _checksum(members: dict[str, NDArray[Any]]) -> str:
         total.update(f"{name} {array.dtype.str} {members[name].shape}\n".encode())
         total.update(array.tobytes())
     return total.hexdigest()
+
+
+def keep_newest(folder: Path, pattern: str, most: int) -> None:
+    """Remove the files of ``folder`` that were used longest ago, until ``most`` bytes remain.
+
+    The newest one stays, whatever its size.
+    """
+    found = []
+    for path in folder.glob(pattern):
+        with contextlib.suppress(OSError):  # another process may have removed it
+            state = path.stat()
+            found.append((state.st_mtime_ns, state.st_size, path))
+    held = 0
+    for place, (_, size, path) in enumerate(sorted(found, reverse=True)):
+        held += size
+        if held > most and place > 0:
+            with contextlib.suppress(OSError):
+                path.unlink()

@@ -65,6 +65,13 @@ def test_an_estimator_that_takes_all_rows_for_independent_does_not_cover():
     assert np.mean(hits) < 0.6
 
 
+def test_means_of_two_sets_or_tracks_have_an_interval():
+    """Student's quantile of one degree of freedom lies beyond every resample: the ends are theirs."""
+    for values in (np.array([[1.0, 2.0]]), np.array([[1.0, 2.0], [1.0, 2.0]]), np.ones((2, 2))):
+        found = nested.crossed_mean(values, "d")
+        assert found.lower <= found.value <= found.upper
+
+
 def test_means_cover_at_their_rate():
     truth = 700.0 * np.exp(0.5 * total_log_sd() ** 2)
     hits = [

@@ -1,5 +1,6 @@
 """Uncertain inputs of a study: what is accepted, what is refused, and the draws."""
 
+import os
 import tomllib
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from mcsettle.draws import all_sets, draws, unit_draws
 from mcsettle.errors import InputError
 from mcsettle.key_paths import number_paths, replaced, steps_to
 from mcsettle.study import Study, load_study, resolved_toml
+from mcsettle.transfer_file import keep_newest
 
 RATE = {
     "input": "economics.discount_rate",
@@ -223,8 +225,26 @@ def test_key_paths():
     assert (changed["list"][0]["v"], data["list"][0]["v"]) == (3.0, 2.0)
 
 
-@pytest.mark.parametrize("name", ["linespeed_uncertain", "traffic_uncertain"])
+@pytest.mark.parametrize(
+    "name", ["linespeed_uncertain", "traffic_uncertain", "linespeed_observed", "linespeed_ground"]
+)
 def test_the_shipped_studies_are_sound_and_sourced(root: Path, name: str):
     loaded = load_study(root / "studies" / f"{name}.toml")
     assert all(entry.source for entry in loaded.uncertain)
     assert len(all_sets(loaded)) == loaded.n_sets == 64
+
+
+def test_the_cache_keeps_what_was_used_last(tmp_path: Path):
+    for place in range(5):
+        (tmp_path / f"transfer-{place}.npz").write_bytes(bytes(100))
+        os.utime(tmp_path / f"transfer-{place}.npz", ns=(place, place))
+    (tmp_path / "basis-0.npz").write_bytes(bytes(1000))
+    os.utime(tmp_path / "transfer-1.npz", ns=(9, 9))
+    keep_newest(tmp_path, "transfer-*.npz", 250)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "basis-0.npz",
+        "transfer-1.npz",
+        "transfer-4.npz",
+    ]
+    keep_newest(tmp_path, "transfer-*.npz", 1)
+    assert [p.name for p in tmp_path.glob("transfer-*")] == ["transfer-1.npz"]
