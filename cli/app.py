@@ -313,12 +313,14 @@ def track(
     if out is not None:
         checked_folder(out)
     _warn(loaded)
-    from mcsettle.track_report import describe, increases_at_surface, track_cases
+    from mcsettle.track_report import describe, increases_at_surface, speed_warnings, track_cases
 
     progress = Progress()
     cases = track_cases(loaded, progress, cores())
     for case in cases:
         rows, table = describe(case), increases_at_surface(case, progress)
+        for warning in speed_warnings(case):
+            talk(f"warning: {warning}")
         head = [f"== {case.variant}"] if len(cases) > 1 else []
         typer.echo("\n".join([*head, *track_lines(rows), *table4_lines(table)]))
         if out is not None:

@@ -1,9 +1,10 @@
 """Describe a study's track and trains in numbers: wave speeds, deflection, compliance, stresses.
 
-Depends on: fem25d, stress, study, track, track_case, transfer, units, views.
+Depends on: fem25d, stress, study, study_checks, track, track_case, transfer, units, views.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from mcsettle.fem25d import SectionResponse
 from mcsettle.step_a import Progress, softening_history
 from mcsettle.stress import deviatoric_stress
 from mcsettle.study import Study
+from mcsettle.study_checks import NEAR_CRITICAL
 from mcsettle.track import SectionTrack, Track
 from mcsettle.track_case import Run, TrackCase, table4, track_case, track_cases
 from mcsettle.transfer import TrackResponse
@@ -19,7 +21,7 @@ from mcsettle.views.stress import layer_weights
 from mcsettle.views.table4 import Increase
 from mcsettle.waves import rayleigh_speed
 
-__all__ = ["describe", "increases_at_surface", "track_cases", "track_summary"]
+__all__ = ["describe", "increases_at_surface", "speed_warnings", "track_cases", "track_summary"]
 
 Row = tuple[str, float | str, str]
 WAVELENGTHS = (30.0, 10.0, 5.0, 3.0)  # m
@@ -34,6 +36,9 @@ def track_summary(study: Study, progress: Progress | None = None, processes: int
 def describe(case: TrackCase) -> list[Row]:
     """Rows (quantity, value, unit) of a track made ready (``track_case``)."""
     rows = _layer_rows(case.track) + _response_rows(case.response)
+    if case.runs[0].softened is None and isinstance(case.response, SectionResponse):
+        name = "critical speed of track and ground"
+        rows.append((name, _critical(case.response) / KMH, "km/h"))
     for run in case.runs:
         rows += _softening_rows(run, case) + _run_rows(run, case.track)
     return rows
@@ -74,6 +79,41 @@ def _response_rows(response: TrackResponse) -> list[Row]:
     ]
 
 
+def _critical(response: TrackResponse) -> float:
+    """Speed [m/s] of the largest quasi-static deflection; where a beam has none, that of its waves."""
+    if not isinstance(response, SectionResponse):
+        return response.rayleigh_speed
+    from mcsettle.fem25d.critical import critical_speed
+
+    return critical_speed(response).speed
+
+
+def speed_warnings(case: TrackCase) -> list[str]:
+    """Trains faster than 0.8 of the critical speed of the ground they run on, softened or not."""
+    remarks = []
+    for run in case.runs:
+        critical, speed = _critical(run.response), run.service.speed
+        if speed > NEAR_CRITICAL * critical:
+            ground = "" if run.softened is None else " on the ground it softens"
+            remarks.append(
+                f"{run.label}: {speed / critical:.0%} of the critical speed of track and ground"
+                f"{ground} ({critical / KMH:.0f} km/h)"
+            )
+    return remarks
+
+
+def _softened_speeds(run: Run, track: SectionTrack, mean: np.ndarray) -> list[Row]:
+    """Rayleigh speeds of the softened layers (mean moduli of the mesh) and the critical speed."""
+    rows: list[Row] = []
+    for layer, modulus in zip(track.layers, mean, strict=True):
+        if layer.width is None:
+            soft = replace(layer.material, youngs_modulus=float(modulus))
+            name = f"{run.label}: {layer.name}, Rayleigh wave speed at the mean modulus"
+            rows.append((name, rayleigh_speed(soft) / KMH, "km/h"))
+    name = f"{run.label}: critical speed of track and softened ground"
+    return [*rows, (name, _critical(run.response) / KMH, "km/h")]
+
+
 def _softening_rows(run: Run, case: TrackCase) -> list[Row]:
     """How the ground has softened under one train; nothing where the soil is linear."""
     if run.softened is None or not isinstance(case.track, SectionTrack):
@@ -88,16 +128,15 @@ def _softening_rows(run: Run, case: TrackCase) -> list[Row]:
         head = f"{run.label}: {name}, Young's modulus under the train"
         rows.append((f"{head}, lowest", float(history.lowest[-1, i]) / MPA, "MPa"))
         rows.append((f"{head}, mean", float(history.mean[-1, i]) / MPA, "MPa"))
-    return rows
+    return rows + _softened_speeds(run, case.track, history.mean[-1])
 
 
 def _run_rows(run: Run, track: Track) -> list[Row]:
     """Rows of one train at one speed, at the middle car's leading axle."""
     transfer, head = run.transfer, run.label
     axle = 4 * (len(transfer.rail_deflection) // 8)
-    limit = getattr(run.response, "lowest_rayleigh_speed", run.response.rayleigh_speed)
     rows: list[Row] = [
-        (f"{head}: speed over the lowest critical speed", transfer.speed / limit, "1"),
+        (f"{head}: speed over the critical speed", transfer.speed / _critical(run.response), "1"),
         (f"{head}: rail deflection, quasi-static", transfer.rail_deflection[axle] / MM, "mm"),
     ]
     wavelengths = 2.0 * np.pi / transfer.wavenumbers

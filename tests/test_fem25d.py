@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mcsettle.fem25d import MeshSettings, Settings, section_response
+from mcsettle.fem25d.critical import critical_speed, deflections
 from mcsettle.fem25d.depth import depth_grid, geostatic_stress
 from mcsettle.fem25d.element import smeared_stiffness
 from mcsettle.fem25d.grid import growing_lines, uniform_lines
@@ -296,3 +297,18 @@ def test_settings_refuse_nonsense():
         MeshSettings(size=0.0)
     with pytest.raises(ValueError, match="workers"):
         section_response(CASE_STUDY_TRACK, workers=0)
+
+
+def test_the_critical_speed_is_that_of_the_largest_deflection(response):
+    """Near the Rayleigh speed: the embankment is stiffer than the clay, the rails add mass."""
+    found = critical_speed(response)
+    assert found.speed == pytest.approx(response.rayleigh_speed, rel=0.08)
+    assert found.deflection.max() > 1.3 * found.deflection[0]
+    assert critical_speed(response) is found  # asked again: kept
+
+
+def test_deflections_are_those_of_moving_loads(response):
+    """Against the response's own quadrature under the load; the reach of 15 m misses no maximum."""
+    (spectra,) = response.spectra(40.0, np.zeros(1))
+    under = np.sum(spectra.weights * spectra.receptance).real / (2.0 * np.pi)
+    assert deflections(response, np.array([40.0]))[0] == pytest.approx(under, rel=0.01)

@@ -10,13 +10,18 @@ import pytest
 import toy
 from typer.testing import CliRunner
 
-from mcsettle import track_pictures
+from mcsettle import track_pictures, track_report
 from mcsettle.cli.app import app
 from mcsettle.cli.views import table4_lines, track_lines
 from mcsettle.study import Study, load_study, resolved_toml
 from mcsettle.track_case import TrackCase, table4, track_case
 from mcsettle.track_pictures import draw_track, freight_passage
-from mcsettle.track_report import describe, increases_at_surface, track_summary
+from mcsettle.track_report import (
+    describe,
+    increases_at_surface,
+    speed_warnings,
+    track_summary,
+)
 from mcsettle.views.table4 import DYNAMIC, OVERHEAD
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -54,6 +59,16 @@ def test_rows_are_plain_numbers_with_units(case: TrackCase) -> None:
     assert unit == "km/h"
     assert len([name for name in found if "rail deflection" in name]) == 2  # two speeds, once each
     assert track_summary(case.study) == rows
+
+
+def test_trains_near_the_critical_speed_are_told(
+    case: TrackCase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert speed_warnings(case) == []
+    fast = case.runs[1].service.speed
+    monkeypatch.setattr(track_report, "_critical", lambda response: fast / 0.81)
+    (remark,) = speed_warnings(case)
+    assert "225 km/h: 81% of the critical speed of track and ground (278 km/h)" in remark
 
 
 def test_table4_stands_beside_the_published_values(case: TrackCase) -> None:
