@@ -400,13 +400,20 @@ def profile(
 @plainly
 def validate(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAMES]...", help="Cases (default: all).")
+        list[str] | None,
+        typer.Argument(metavar="[NAMES]...", help="Cases or choices (default: all)."),
     ] = None,
     json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    convergence: Annotated[
+        bool, typer.Option("--convergence", help="Refine Step A's numerical choices instead.")
+    ] = False,
 ) -> None:
     """Compare the models with closed forms and exact solutions; exit code 1 if one is missed."""
-    from mcsettle.cli.checks import cases_json, run_named_cases
+    from mcsettle.cli.checks import cases_json, convergence_text, run_named_cases
 
+    if convergence:
+        typer.echo(convergence_text(names or [], json_output, Progress()))
+        return
     cases = run_named_cases(names or [], Progress())
     from mcsettle.validate import table
 

@@ -1,6 +1,6 @@
 """What ``validate`` and ``doctor`` print: lines, and the same as JSON.
 
-Depends on: doctor, errors, validate.
+Depends on: convergence, doctor, errors, validate.
 """
 
 import dataclasses
@@ -58,6 +58,25 @@ def cases_json(cases: list["Case"]) -> str:
     ]
     data = {"cases": rows, "passed": all(case.passed for case in cases)}
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def convergence_text(names: list[str], as_json: bool, progress: Progress) -> str:
+    """The convergence study of these choices (none: all), as a table or JSON.
+
+    Raises
+    ------
+    InputError
+        A name is unknown.
+    """
+    from mcsettle.convergence import convergence_table, study_convergence
+
+    try:
+        levels = study_convergence(choices=tuple(names) or None, progress=progress)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    if as_json:
+        return json.dumps([dataclasses.asdict(level) for level in levels], indent=1)
+    return convergence_table(levels)
 
 
 def doctor_lines(checks: list["Check"]) -> Iterator[str]:

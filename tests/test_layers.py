@@ -62,7 +62,7 @@ LAYERS = (
         "lock",
     ),
     ("layered", "strip"),
-    ("validate_case", "validate_closed", "validate_section", "validate"),
+    ("validate_case", "validate_closed", "validate_section", "validate", "convergence"),
     ("kernels",),
     ("passage", "spectral", "pointwise", "clock", "case"),
     ("march", "jump", "engine"),

@@ -1,0 +1,50 @@
+"""The convergence study: its answers are those of the response, its orders those of known errors."""
+
+import numpy as np
+import pytest
+
+from mcsettle import convergence
+from mcsettle.convergence import OMEGAS, SPEED, Level, Numerics, answers, convergence_table
+from mcsettle.fem25d import MeshSettings, Settings, section_response
+from mcsettle.fem25d.pml import Border
+from mcsettle.track import CASE_STUDY_TRACK
+
+MESH = MeshSettings(size=0.3, growth=1.5, largest=1.5, border=Border(elements=7))
+
+
+def test_answers_are_those_of_the_response():
+    """By direct solutions and by reduced bases (tolerance 5e-3); both stop at 4 rad/m."""
+    settings = Settings(
+        mesh=MESH, max_omega=80.0, max_speed=SPEED, bands=(0.05, 0.4, 1.5, 4.0), tolerance=5e-3
+    )
+    found = answers(CASE_STUDY_TRACK, Numerics(MESH, count=24, largest=4.0))
+    response = section_response(CASE_STUDY_TRACK, settings=settings, use_cache=False)
+    constant, *driven = response.spectra(SPEED, np.array([0.0, *OMEGAS]))
+    under = np.sum(constant.weights * constant.receptance).real / (2.0 * np.pi)
+    assert found["deflection"] == pytest.approx(under, rel=2e-3)
+    vertical = np.einsum("q,qz->z", constant.weights, constant.stress[:, 2]).real / (2.0 * np.pi)
+    first = int(np.flatnonzero(response.grid.layer == 2)[0])
+    assert found["stress, subgrade"] == pytest.approx(vertical[first], rel=2e-3)
+    for omega, spectra in zip(OMEGAS, driven, strict=True):
+        own = np.sum(spectra.weights * spectra.receptance) / (2.0 * np.pi)
+        assert found[f"compliance, {omega:.0f} rad/s"] == pytest.approx(own, rel=1e-2)
+
+
+def test_orders_of_known_errors():
+    sizes = (0.24, 0.17, 0.12)
+    entries = [(str(h), h, Numerics()) for h in sizes]
+    for order in (2.0, 3.5):
+        values = [1.0 + 0.3 * h**order for h in sizes]
+        assert convergence._order(entries, values) == pytest.approx(order, abs=0.01)
+    assert convergence._order(entries, [1.0, 1.1, 1.3]) is None
+
+
+def test_table_marks_the_defaults_and_names_are_checked():
+    levels = [Level("size", "0.2", False, {"deflection": 1e-3}, 2.1),
+              Level("size", "0.1", True, {"deflection": 2e-4, "stress": 1e-3})]  # fmt: skip
+    head, first, second = convergence_table(levels).splitlines()
+    assert head.split() == ["choice", "level", "deflection", "stress", "order"]
+    assert first.split() == ["size", "0.2", "1.0e-03", "2.1"]
+    assert "default" in second
+    with pytest.raises(ValueError, match="choose from"):
+        convergence.study_convergence(choices=("mesh",))
