@@ -3,9 +3,9 @@
 Everything heavy is imported inside the command that needs it, so that ``--help`` stays quick.
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
 
-Depends on: cli.edge, cli.reports, typer; inside the commands: doctor, errors, life, study, summary,
-tornado, track_pictures, track_report, validate, cli.checks, cli.fitting, cli.maintenance, cli.pictures,
-cli.record, cli.runs, cli.spread, cli.views.
+Depends on: cli.edge, cli.reports, typer; inside the commands: doctor, errors, ground_report, life,
+study, summary, tornado, track_pictures, track_report, validate, cli.checks, cli.fitting, cli.grounds,
+cli.maintenance, cli.pictures, cli.record, cli.runs, cli.spread, cli.views.
 """
 
 from pathlib import Path
@@ -226,6 +226,9 @@ def calibrate(
         str | None,
         typer.Option(help="SDs of a section: CSV file (day, sd_mm, sd_error_mm) or d:sd:error,…"),
     ] = None,
+    hold_out: Annotated[
+        int, typer.Option(min=0, help="Observations, the last ones, to predict and not to fit.")
+    ] = 0,
     variant: Annotated[str | None, typer.Option(help="Variant (default: the first).")] = None,
 ) -> None:
     """Find the settlement factor that meets a median interval, or the observed SDs of a section."""
@@ -241,9 +244,38 @@ def calibrate(
     from mcsettle.cli.fitting import factor_for_median, factor_for_observations
 
     if observations is not None:
-        factor_for_observations(loaded, scenario, observations, variant)
+        factor_for_observations(loaded, scenario, observations, variant, hold_out)
     elif median_days is not None:
         factor_for_median(loaded, scenario, median_days, variant)
+
+
+@app.command()
+@plainly
+def grounds(
+    study: StudyFile,
+    results: Annotated[
+        Path | None, typer.Option(help="Folder of a run: intervals and costs by segment.")
+    ] = None,
+    variant: Annotated[str | None, typer.Option(help="Variant (default: the first).")] = None,
+    scenario: Annotated[str | None, typer.Option(help="Scenario (default: the first).")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Also draw them (PNG and SVG).")] = None,
+    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """List the grounds of a study, or print what a run says of them, segment by segment."""
+    from mcsettle.cli.grounds import draw_report, list_lines, report_json, report_lines
+    from mcsettle.study import load_study
+
+    loaded = load_study(study)
+    if results is None:
+        typer.echo("\n".join(list_lines(loaded)))
+        return
+    from mcsettle.ground_report import ground_report
+
+    report = ground_report(results, variant, scenario)
+    typer.echo(report_json(report) if json_output else "\n".join(report_lines(report)))
+    if picture is not None:
+        draw_report(report, picture)
+        talk(f"Drew {picture}")
 
 
 @app.command()

@@ -1,9 +1,11 @@
 """``mcsettle calibrate``: the factor for a median, or for the observed SDs of one section.
 
-Depends on: calibration, errors, inference, study (types), cli.edge, cli.spread, cli.views.
+Depends on: calibration, errors, forecast, inference, study (types), cli.edge, cli.spread, cli.views.
 """
 
 import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -12,6 +14,9 @@ from mcsettle.cli.spread import posterior_lines, posterior_warnings
 from mcsettle.cli.views import calibration_lines
 from mcsettle.errors import InputError
 from mcsettle.study import Study
+
+if TYPE_CHECKING:
+    from mcsettle.forecast import Prediction
 
 
 def factor_for_median(study: Study, scenario: str, days: float, variant: str | None) -> None:
@@ -26,13 +31,38 @@ def factor_for_median(study: Study, scenario: str, days: float, variant: str | N
     typer.echo("\n".join(calibration_lines(found)))
 
 
+def forecast_lines(found: Sequence["Prediction"]) -> Iterator[str]:
+    """Predicted and observed SD of every day, as comments of TOML, and the coverage."""
+    yield f"# {'day':>8} {'P5':>8} {'P50':>8} {'P95':>8} {'observed':>9}  mm"
+    for row in found:
+        low, middle, high = row.quantiles
+        said = "fitted to"
+        if row.held_out:
+            said = (
+                f"held out, {'inside' if row.inside else 'OUTSIDE'} (P{100 * row.percentile:.0f})"
+            )
+        yield f"# {row.day:>8g} {low:>8.3f} {middle:>8.3f} {high:>8.3f} {row.observed:>9.3f}  {said}"
+    held = [row for row in found if row.held_out]
+    inside = sum(row.inside for row in held)
+    yield f"# {inside} of {len(held)} held out lie inside the band of 90 %"
+
+
 def factor_for_observations(
-    study: Study, scenario: str, observations: str, variant: str | None
+    study: Study, scenario: str, observations: str, variant: str | None, hold_out: int = 0
 ) -> None:
-    """Print the posterior of the factor given observed SDs, as TOML to paste."""
+    """Print the posterior of the factor given observed SDs, as TOML to paste.
+
+    The last ``hold_out`` observations are predicted from the others.
+    """
     from mcsettle.inference import infer_factor, read_observations
 
     rows = read_observations(observations)
+    if hold_out:
+        from mcsettle.forecast import forecast
+
+        own = (study, scenario, rows, hold_out, variant, Progress(), cores())
+        typer.echo("\n".join(forecast_lines(forecast(*own))))
+        rows = rows[:-hold_out]
     found = infer_factor(study, scenario, rows, variant, progress=Progress(), processes=cores())
     for warning in posterior_warnings(found):
         talk(f"warning: {warning}")

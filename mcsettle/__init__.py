@@ -23,7 +23,15 @@ The tour: a study file becomes a frozen ``Study``, which builds the objects of t
 >>> round(study.timetable("v201").services[0].speed, 2)
 55.83
 
-``run_study`` takes such a study to a folder of Parquet tables. Importing the package imports
+``run_study`` takes such a study to a folder of Parquet tables, ``summarise`` reads them back as one
+table and ``plot`` draws them; the objects print as what they are.
+
+>>> print(study.timetable("v201"))
+72 × passenger at 201 km/h
+>>> print(study.trains["passenger"])
+passenger: 11 cars, 44 axles, 748 t
+
+Importing the package imports
 neither Taichi nor NumPy: each name below is loaded when it is first used.
 
 Depends on: nothing until a name is used.
@@ -37,6 +45,7 @@ if TYPE_CHECKING:
     from mcsettle.economics import paired_effects
     from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
     from mcsettle.estimate import Estimate
+    from mcsettle.notebook import plot, summarise
     from mcsettle.pipeline import run_study
     from mcsettle.study import Study, load_study, resolved_toml
     from mcsettle.track import BeamTrack, Layer, Material, SectionTrack
@@ -64,8 +73,10 @@ __all__ = [
     "calibrate",
     "load_study",
     "paired_effects",
+    "plot",
     "resolved_toml",
     "run_study",
+    "summarise",
     "track_summary",
 ]
 
@@ -74,6 +85,7 @@ _HOME = {
     "economics": ("paired_effects",),
     "errors": ("InputError", "MissingPrecomputationError", "NumericalError"),
     "estimate": ("Estimate",),
+    "notebook": ("plot", "summarise"),
     "pipeline": ("run_study",),
     "study": ("Study", "load_study", "resolved_toml"),
     "track": ("BeamTrack", "Layer", "Material", "SectionTrack"),

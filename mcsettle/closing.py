@@ -246,7 +246,7 @@ def _write_parameters(
     at: Place, study: Study, members: list[ParameterSet], provenance: store.Provenance
 ) -> None:
     """The table ``parameters`` of a study with uncertain inputs."""
-    if not study.uncertain:
+    if not study.nested:
         return
     name = f"sets-000000-{len(members) - 1:06d}.parquet"
     last = study.run.realisations - 1
@@ -296,7 +296,7 @@ def _write_effects(
                     continue
                 for part in ranges:
                     ends = part.start, part.stop - 1
-                    shard = Shard(member.index, variant, scenario, *ends, bool(study.uncertain))
+                    shard = Shard(member.index, variant, scenario, *ends, study.nested)
                     columns = rows.effect_columns(member, variant, scenario, part, effects)
                     store.write(at, "effects", shard.name, columns, provenance, *ends)
 

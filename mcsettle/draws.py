@@ -23,12 +23,14 @@ class ParameterSet:
     """One draw: ``values`` by key path (in the unit of the key), and the study that has them.
 
     ``shares`` are the cumulative probabilities drawn, by input.
+    ``failure``: why it cannot be run, if it cannot.
     """
 
     index: int
     values: dict[str, float]
     study: Study
     shares: dict[str, float] = field(default_factory=dict)
+    failure: str = ""
 
 
 def unit_draws(study: Study, n_sets: int | None = None) -> np.ndarray:
@@ -67,6 +69,10 @@ def all_sets(study: Study) -> list[ParameterSet]:
     InputError
         A draw that the study would refuse (inputs that are each possible may not be together).
     """
+    if study.grounds_table is not None:
+        from mcsettle.study_grounds import ground_sets
+
+        return ground_sets(study)
     if not study.uncertain:
         return [ParameterSet(0, {}, study)]
     shares = unit_draws(study)

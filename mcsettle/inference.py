@@ -121,9 +121,9 @@ def infer_factor(
         The observations ask for a factor outside [LOWEST, HIGHEST]; the message gives the reach.
     """
     variant = variant or study.variant_names[0]
-    ensemble = _Ensemble(study, scenario, variant, observations, progress, processes)
-    centre = _least_squares(ensemble)
-    logs, weights, misfit = _posterior_grid(ensemble, centre, FIRST_REACH)
+    ensemble = Ensemble(study, scenario, variant, observations, progress, processes)
+    centre = least_squares(ensemble)
+    logs, weights, misfit = posterior_grid(ensemble, centre, FIRST_REACH)
     by_factor = weights.sum(axis=1)
     mean = float(by_factor @ logs)
     sd = float(np.sqrt(by_factor @ (logs - mean) ** 2))
@@ -143,7 +143,7 @@ def infer_factor(
     )
 
 
-class _Ensemble:
+class Ensemble:
     """SDs of every realisation on the days observed, for any factor."""
 
     def __init__(
@@ -196,7 +196,7 @@ class _Ensemble:
         return np.asarray(np.clip((sd - self.sd) / self.error, -1e6, 1e6))
 
 
-def _least_squares(ensemble: _Ensemble) -> float:
+def least_squares(ensemble: Ensemble) -> float:
     """Log factor whose median SD fits best: the nearest decade, then a bounded search."""
     coarse = np.linspace(np.log(LOWEST), np.log(HIGHEST), COARSE)
 
@@ -213,8 +213,8 @@ def _least_squares(ensemble: _Ensemble) -> float:
     return float(minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-3}).x)
 
 
-def _posterior_grid(
-    ensemble: _Ensemble, centre: float, reach: float
+def posterior_grid(
+    ensemble: Ensemble, centre: float, reach: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Log factors [F], weights [F, R] that add up to 1, and the best track's misfit.
 

@@ -163,8 +163,12 @@ def transfer_digest(
     train: Train, speed: float, wavenumbers: Array, hertz_stiffness: float, response_digest: str
 ) -> str:
     """SHA-256 hex digest of everything ``precompute`` depends on; known before it runs."""
+    described = asdict(train)
+    for car in described["cars"]:
+        if car["axle_loads"] is None:  # a car like any other
+            del car["axle_loads"]
     description = {
-        "train": asdict(train),
+        "train": described,
         "speed": float(speed),
         "wavenumbers": np.asarray(wavenumbers, dtype=float).tolist(),
         "hertz_stiffness": float(hertz_stiffness),

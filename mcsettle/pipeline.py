@@ -5,7 +5,7 @@ and parameter set; each shard is written whole or not at all, so an interrupted 
 stopped and the tables do not depend on batches, threads, slices or pauses.
 
 Depends on: closing, draws, errors, factor_fit, ledger, lock, place, scene, shards, step_a, step_b,
-store, study, summary.
+store, study, summary, tables.
 """
 
 from dataclasses import dataclass
@@ -25,6 +25,7 @@ from mcsettle.step_a import Progress, Shelf, StepA, step_a
 from mcsettle.step_b import Job, compute
 from mcsettle.study import Study, resolved_toml
 from mcsettle.summary import STUDY_FILE, study_of
+from mcsettle.tables import TABLES
 
 __all__ = ["Finished", "build_case", "initial_profiles", "run_study", "sample_days"]
 
@@ -145,8 +146,9 @@ def prepare(
     held = store.provenance_of(at)
     size = shard_size or (SHARD if held is None else held.shard_realisations)
     shards = slice_of(all_shards(study, size), part)
-    shelf = Shelf.of(study) if study.uncertain else None
-    central = step_a(study, progress, processes, shelf)
+    shelf = Shelf.of(study) if study.nested else None
+    sound = next((member.study for member in members if not member.failure), study)
+    central = step_a(sound if study.grounds_table else study, progress, processes, shelf)
     if start:  # before anything starts it with other threads
         runtime.start(threads)
     provenance = _provenance(study, central, size)
@@ -196,6 +198,10 @@ def _write_study(at: Place, study: Study, part: Slice | None) -> None:
             )
     if text != held:
         at.write(STUDY_FILE, text.encode())
+    for name, path in study.input_files().items():  # so that the folder stands alone
+        inside = not Path(name).is_absolute() and ".." not in Path(name).parts
+        if inside and Path(name).parts[0] not in TABLES and path.is_file():
+            at.write(name, path.read_bytes())
 
 
 def _provenance(study: Study, prepared: StepA, size: int) -> store.Provenance:

@@ -114,7 +114,7 @@ def all_shards(study: Study, size: int) -> list[Shard]:
             f"{MOST_SHARDS} are kept in one folder: give a larger --shard-size or split the study"
         )
     return [
-        Shard(member, variant, scenario, part.start, part.stop - 1, bool(study.uncertain))
+        Shard(member, variant, scenario, part.start, part.stop - 1, study.nested)
         for member in range(study.n_sets)
         for variant in study.variant_names
         for scenario in study.scenario_names

@@ -306,7 +306,8 @@ def _transfer(
     """One set of transfer functions, scaled from that of the train's axle load in ``axle_loads``."""
     train = service.train
     load, own = axle_loads.get(train.name), train.cars[0].axle_load
-    if load is None or load == own or len({car.axle_load for car in train.cars}) > 1:
+    unlike = len({car.axle_load for car in train.cars}) > 1 or any(c.axle_loads for c in train.cars)
+    if load is None or load == own or unlike:
         return _computed(response, service, modes, contact, progress)
     cars = tuple(replace(car, axle_load=load) for car in train.cars)
     base = replace(service, train=replace(train, cars=cars))

@@ -88,7 +88,11 @@ def compute(
         left = [s for s in part if twin == index or not _copy(job, member, twin, s)]
         if not left:
             continue
-        if job.study.uncertain and of != index:
+        if member.failure:
+            for shard in left:
+                job.write(shard, failed_tables(member, shard, member.failure))
+            continue
+        if job.study.nested and of != index:
             prepared, of = step_a(member.study, job.progress, processes, shelf), index
         case = build_case(member.study, prepared, variant, scenario)
         advance(job, member, case, left)
@@ -101,7 +105,8 @@ def _twins(study: Study, members: list[ParameterSet]) -> dict[tuple[int, str, st
     for member in members:
         for variant in study.variant_names:
             for scenario in study.scenario_names:
-                key = (variant, scenario, step_b_key(member.study, variant, scenario))
+                same = member.failure or step_b_key(member.study, variant, scenario)
+                key = (variant, scenario, same)
                 found[member.index, variant, scenario] = first.setdefault(key, member.index)
     return found
 
@@ -161,7 +166,7 @@ def _tables(
         outcomes.append(rows.realisation_columns(*own, machine.case.timetable, outcome))
         history.append(rows.history_columns(*own, outcome))
         done = part.stop
-        if job.progress is not None and not job.study.uncertain:
+        if job.progress is not None and not job.study.nested:
             text = f"Step B: {shard.variant} {shard.scenario}"
             job.progress(text, part.stop, study.run.realisations)
     return {"history": rows.joined(history), "realisations": rows.joined(outcomes)}

@@ -3,9 +3,9 @@
 ``load_study`` is the door. A study holds the tables of the file (``study_schema``) and builds the
 objects of the model from them; it knows nothing of how a study is run.
 
-Depends on: economics, errors, inputs, irregularity, key_paths, measured, soil, study_build,
-study_checks, study_faults, study_observed, study_read, study_schema, study_text, study_uncertain,
-track, traffic, units.
+Depends on: economics, errors, grounds, inputs, irregularity, key_paths, measured, soil, study_build,
+study_checks, study_faults, study_library, study_observed, study_read, study_schema, study_text,
+study_trains, study_uncertain, track, traffic, units.
 """
 
 import hashlib
@@ -20,6 +20,7 @@ from pydantic import Field, PrivateAttr, ValidationError
 
 from mcsettle.economics import Change, speed_change, tonnage_change
 from mcsettle.errors import InputError
+from mcsettle.grounds import Ground
 from mcsettle.inputs import digest_of, input_file
 from mcsettle.irregularity import wavenumbers
 from mcsettle.key_paths import steps_to
@@ -27,23 +28,25 @@ from mcsettle.measured import Record, prepared
 from mcsettle.soil import SofteningSettings
 from mcsettle.study_build import (
     SettlementSettings,
+    build_grounds,
     build_record,
     build_softening,
     build_timetable,
     build_track,
-    build_train,
     resolved_track,
-    resolved_train,
     resolved_variant,
     settlement_settings,
 )
 from mcsettle.study_checks import Parts, faults_between, warnings_of
 from mcsettle.study_faults import Fault, faults_of, refusal, suggestion
+from mcsettle.study_library import expanded
 from mcsettle.study_observed import ObservedTable, observed_faults
 from mcsettle.study_read import parsed_toml, sound_parts, toml_data, with_tuples
 from mcsettle.study_schema import (
     CalibrationTable,
     EconomicsTable,
+    FileName,
+    GroundsTable,
     LimitTable,
     MaintenanceTable,
     Name,
@@ -58,8 +61,10 @@ from mcsettle.study_schema import (
     TrackTable,
     TrainTable,
     VariantTable,
+    VehicleTable,
 )
 from mcsettle.study_text import toml_text
+from mcsettle.study_trains import build_train, resolved_train
 from mcsettle.study_uncertain import (
     CorrelationTable,
     UncertainTable,
@@ -100,6 +105,9 @@ class Study(Table):
     economics: EconomicsTable | None = None
     maintenance: MaintenanceTable | None = None
     train_tables: dict[Name, TrainTable] = Field(alias="trains", min_length=1, max_length=50)
+    vehicle_tables: dict[Name, VehicleTable] = Field(default={}, alias="vehicles", max_length=100)
+    grounds_table: GroundsTable | None = Field(default=None, alias="grounds")
+    include: Annotated[tuple[FileName, ...], Field(max_length=20)] = ()
     scenarios: Annotated[tuple[ScenarioTable, ...], Field(min_length=1, max_length=200)]
     variants: Annotated[tuple[VariantTable, ...], Field(min_length=1, max_length=50)] = (
         VariantTable(name="base"),
@@ -114,9 +122,20 @@ class Study(Table):
 
     _folder: Path | None = PrivateAttr(default=None)  # what file names start from
 
+    def __repr__(self) -> str:
+        sets = f", {self.run.parameter_sets or 'all'} parameter sets" if self.nested else ""
+        return (
+            f"<Study {self.title or 'untitled'!r}: scenarios {', '.join(self.scenario_names)}; "
+            f"variants {', '.join(self.variant_names)}; {self.run.realisations} realisations{sets}>"
+        )
+
+    __str__ = __repr__
+
     @property
     def n_sets(self) -> int:
         """Parameter sets: draws of the uncertain inputs; 1 if none is uncertain."""
+        if self.grounds_table is not None:
+            return min(self.run.parameter_sets or len(self.grounds()), len(self.grounds()))
         return (self.run.parameter_sets or PARAMETER_SETS) if self.uncertain else 1
 
     @property
@@ -127,6 +146,11 @@ class Study(Table):
             if entry.fitted:
                 found |= dict.fromkeys(followers(self.variants, entry.input), entry)
         return found
+
+    @property
+    def nested(self) -> bool:
+        """Whether the study has parameter sets: uncertain inputs, or several grounds."""
+        return bool(self.uncertain) or self.grounds_table is not None
 
     @property
     def scenario_names(self) -> tuple[str, ...]:
@@ -146,7 +170,10 @@ class Study(Table):
     @cached_property
     def trains(self) -> Mapping[str, Train]:
         """Every train of the study by name."""
-        return {name: build_train(name, table) for name, table in self.train_tables.items()}
+        return {
+            name: build_train(name, table, self.vehicle_tables)
+            for name, table in self.train_tables.items()
+        }
 
     @cached_property
     def digest(self) -> str:
@@ -169,6 +196,8 @@ class Study(Table):
             data["profile"].pop("file")
         for entry in data.get("observed", []):
             entry.pop("source")
+        for key in ("layers", "weights") if self.grounds_table is not None else ():
+            data["grounds"].pop(key)
         text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -268,6 +297,24 @@ class Study(Table):
         data["seed"] = self.seed if seed is None else seed
         return type(self)._checked(data, "the run asked for", self._folder)
 
+    def with_ground(self, layers: list[dict[str, Any]], origin: str) -> Self:
+        """Copy on the ground ``layers`` (tables as in ``track.ground``) alone.
+
+        Raises
+        ------
+        InputError
+            A ground the study file would refuse.
+        """
+        data = _plain(self)
+        data.pop("grounds", None)
+        data["run"].pop("parameter_sets", None)
+        data["track"] = data["track"] | {"ground": layers}
+        own = {"ballast", "sub_ballast"}
+        data["track"]["layers"] = {
+            name: table for name, table in data["track"].get("layers", {}).items() if name in own
+        }
+        return self.from_mapping(data, origin, self._folder)
+
     def with_inputs(self, values: Mapping[str, float]) -> Self:
         """Copy with the inputs at the key paths ``values`` replaced; nothing of it is uncertain.
 
@@ -292,7 +339,7 @@ class Study(Table):
         InputError
             One line a fault: key path, value received, what is accepted.
         """
-        return cls._checked(with_tuples(data), origin, folder)
+        return cls._checked(with_tuples(expanded(data, origin, folder)), origin, folder)
 
     @classmethod
     def _checked(cls, data: Mapping[str, Any], origin: str, folder: Path | None) -> Self:
@@ -326,6 +373,8 @@ class Study(Table):
         return seen + self._input_faults()
 
     def _input_faults(self) -> list[Fault]:
+        if self.grounds_table is not None:
+            return []
         if not self.uncertain:
             wrong = "correlations" if self.correlations else "run.parameter_sets"
             said = "has no meaning without [[uncertain]] inputs; leave it out"
@@ -338,6 +387,8 @@ class Study(Table):
 
     def _with_files(self, folder: Path | None) -> tuple[Self, list[Fault]]:
         """The study with the digest of the file it names, and the faults of that name."""
+        if self.grounds_table is not None:
+            return self._with_grounds(folder)
         if self.profile.file is None:
             return self, []
         self._folder = folder
@@ -351,6 +402,50 @@ class Study(Table):
             update={"record": record.model_copy(update={"sha256": digest})}
         )
         return self.model_copy(update={"profile": profile}), []
+
+    def _with_grounds(self, folder: Path | None) -> tuple[Self, list[Fault]]:
+        """The study with the digests of its files of grounds, and what is wrong with them."""
+        self._folder = folder
+        assert self.grounds_table is not None
+        table, faults, digests = self.grounds_table, [], []
+        for place, key in enumerate(("layers", "weights")):
+            expected = table.sha256[place] if table.sha256 else None
+            try:
+                path = input_file(folder, getattr(table, key), self.files_outside)
+                digests.append(digest_of(path, expected))
+            except InputError as error:
+                faults.append(Fault(f"grounds.{key}", str(error)))
+        if self.profile.file is not None:
+            faults.append(Fault("grounds", "cannot stand beside profile.file"))
+        if self.uncertain:
+            faults.append(Fault("grounds", "cannot stand beside [[uncertain]] inputs"))
+        update = {"grounds_table": table.model_copy(update={"sha256": tuple(digests)})}
+        return (self, faults) if faults else (self.model_copy(update=update), [])
+
+    def grounds(self) -> tuple[Ground, ...]:
+        """The possible grounds of the study, the likeliest of each segment first; empty: none.
+
+        Raises
+        ------
+        InputError
+            A file of theirs cannot be read or used.
+        """
+        table = self.grounds_table
+        if table is None:
+            return ()
+        paths = [
+            input_file(self._folder, n, self.files_outside) for n in (table.layers, table.weights)
+        ]
+        for path, digest in zip(paths, table.sha256 or (), strict=True):
+            digest_of(path, digest, missing=False)
+        return build_grounds(table, *paths)
+
+    def input_files(self) -> dict[str, Path]:
+        """Files that a run of the study reads again, by the names the study gives them."""
+        names = [] if self.profile.file is None else [self.profile.file]
+        if self.grounds_table is not None:
+            names += [self.grounds_table.layers, self.grounds_table.weights]
+        return {name: input_file(self._folder, name, self.files_outside) for name in names}
 
     def record(self) -> Record | None:
         """The profile's measured record, read, filtered and cut; None where there is none.
@@ -387,7 +482,9 @@ class Study(Table):
         return self.model_copy(
             update={
                 "track_table": resolved_track(self.track_table, self.softens),
-                "train_tables": {k: resolved_train(t) for k, t in self.train_tables.items()},
+                "train_tables": {
+                    k: resolved_train(t, self.vehicle_tables) for k, t in self.train_tables.items()
+                },
                 "variants": tuple(
                     resolved_variant(v, self.settlement, self._uncertain_settlement)
                     for v in self.variants
@@ -465,11 +562,19 @@ def json_schema() -> dict[str, Any]:
 def _plain(study: Study, exclude: set[str] | None = None) -> dict[str, Any]:
     """The study as mappings and lists under the file's keys; empty tables and None left out."""
     data = study.model_dump(mode="json", by_alias=True, exclude_none=True, exclude=exclude)
-    data["track"] = {key: value for key, value in data["track"].items() if value != {}}
+    data["track"] = {key: value for key, value in data["track"].items() if value not in ({}, [])}
     for variant in data["variants"]:
         if not variant["layers"]:
             del variant["layers"]
-    for key in ("reference", "uncertain", "correlations", "observed", "sources"):
+    for key in (
+        "reference",
+        "uncertain",
+        "correlations",
+        "observed",
+        "sources",
+        "vehicles",
+        "include",
+    ):
         if not data.get(key):
             data.pop(key, None)
     for entry in data.get("reference", []):
@@ -492,6 +597,7 @@ def _parts(study: Study) -> Parts:
         run=study.run,
         maintenance=study.maintenance,
         trains=study.train_tables,
+        vehicles=study.vehicle_tables,
         train_names=tuple(study.train_tables),
         scenario_names=study.scenario_names,
         variant_names=study.variant_names,

@@ -4,23 +4,27 @@ A table overrides a named preset key by key. Each map below says which attribute
 a key stands for (a dotted path) and the factor that takes it into SI; read forwards it builds the
 object, read backwards it writes every value of the preset into the table.
 
-Depends on: filters, measured, record, settlement, soil, study_schema, track, traffic, units, vehicle.
+Depends on: filters, grounds, measured, record, settlement, soil, study_ground, study_paths,
+study_schema, track, traffic, units.
 """
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
-
-from pydantic import BaseModel
+from typing import Any
 
 from mcsettle.filters import Band
+from mcsettle.grounds import Columns, Ground, read_grounds
 from mcsettle.measured import RecordChoice
-from mcsettle.record import RecordFormat
+from mcsettle.record import SEPARATORS, RecordFormat
 from mcsettle.settlement import SettlementModel
 from mcsettle.soil import SofteningSettings
+from mcsettle.study_ground import under_sleeper_pad, with_ground
+from mcsettle.study_paths import Paths, described, overridden
 from mcsettle.study_schema import (
+    GroundsTable,
     LayerTable,
     ProfileTable,
     RecordTable,
@@ -28,16 +32,11 @@ from mcsettle.study_schema import (
     SettlementTable,
     SofteningTable,
     TrackTable,
-    TrainTable,
     VariantTable,
 )
 from mcsettle.track import TRACKS, BeamTrack, Layer, SectionTrack, Track
 from mcsettle.traffic import Service, Timetable, Train
-from mcsettle.units import KMH, MM, TONNE
-from mcsettle.vehicle import VEHICLES, Vehicle
-
-T = TypeVar("T")
-Paths = Mapping[str, tuple[str, float]]
+from mcsettle.units import KMH, MM
 
 LAYER_PATHS: Paths = {
     "height_m": ("height", 1.0),
@@ -87,22 +86,6 @@ SUPPORT_PATHS: Paths = {
     "sleeper_length_m": ("sleeper_length", 1.0),
     "poisson": ("poisson", 1.0),
 }
-VEHICLE_PATHS: Paths = {
-    "model": ("model", 1.0),
-    "car_length_m": ("length", 1.0),
-    "bogie_spacing_m": ("bogie_spacing", 1.0),
-    "axle_spacing_m": ("axle_spacing", 1.0),
-    "axle_load_t": ("axle_load", TONNE),
-    "body_mass_kg": ("body_mass", 1.0),
-    "body_inertia_kg_m2": ("body_inertia", 1.0),
-    "bogie_mass_kg": ("bogie_mass", 1.0),
-    "bogie_inertia_kg_m2": ("bogie_inertia", 1.0),
-    "wheelset_mass_kg": ("wheelset_mass", 1.0),
-    "primary_stiffness_n_per_m": ("primary.stiffness", 1.0),
-    "primary_damping_ns_per_m": ("primary.damping", 1.0),
-    "secondary_stiffness_n_per_m": ("secondary.stiffness", 1.0),
-    "secondary_damping_ns_per_m": ("secondary.damping", 1.0),
-}
 CURVE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "constant": (),
     "ishibashi_zhang": ("plasticity_index",),
@@ -146,21 +129,30 @@ def build_track(table: TrackTable, variant: VariantTable | None = None) -> Track
         A key that the preset has no place for, or a geometry the track refuses.
     """
     preset = TRACKS[table.preset_name]
-    layers = _layers(preset.layers, table.layers)
+    layers = _layers(with_ground(preset.layers, table.ground), table.layers)
     if variant is not None:
         layers = _layers(layers, variant.layers)
     rail = overridden(preset.rail, table.rail, RAIL_PATHS)
     if isinstance(preset, BeamTrack):
         beam = overridden(preset, table.support, SUPPORT_PATHS)
         return replace(beam, layers=layers, rail=rail)
+    sleeper = overridden(preset.sleeper, table.sleeper, SLEEPER_PATHS)
+    if table.under_sleeper_pad is not None:
+        layers = (under_sleeper_pad(table.under_sleeper_pad, sleeper), *layers)
     return replace(
         preset,
         layers=layers,
         rail=rail,
         pad=overridden(preset.pad, table.pad, PAD_PATHS),
-        sleeper=overridden(preset.sleeper, table.sleeper, SLEEPER_PATHS),
+        sleeper=sleeper,
         damping_convention=(variant and variant.damping_convention) or table.damping_convention,
     )
+
+
+def layer_names(table: TrackTable) -> list[str]:
+    """Layers that ``track.layers`` and variants may override: not those given in full."""
+    kept = TRACKS[table.preset_name].layers
+    return [layer.name for layer in kept if not (table.ground and layer.width is None)]
 
 
 def build_softening(
@@ -175,24 +167,13 @@ def build_softening(
         return None
     curves = []
     for layer, curve in zip(track.layers, SofteningSettings().layer_curves(track), strict=True):
-        for tables in (table.layers, {} if variant is None else variant.layers):
+        full: dict[str, LayerTable] = {layer.name: layer for layer in table.ground}
+        for tables in (full, table.layers, {} if variant is None else variant.layers):
             if layer.name in tables:
                 curve = overridden(curve, tables[layer.name], CURVE_PATHS)
         curves.append((layer.name, curve))
     settings = table.softening or SofteningTable()
     return SofteningSettings(**settings.model_dump(), curves=tuple(curves))
-
-
-def build_train(name: str, table: TrainTable) -> Train:
-    """The train ``name``: alike cars, each the named vehicle with its overrides.
-
-    Raises
-    ------
-    ValueError
-        A suspension stage the vehicle does not have.
-    """
-    car = overridden(VEHICLES[table.vehicle], table, VEHICLE_PATHS)
-    return Train(name, (car,) * table.cars)
 
 
 def build_record(table: ProfileTable, path: Path, digest: str) -> RecordChoice:
@@ -210,6 +191,34 @@ def build_record(table: ProfileTable, path: Path, digest: str) -> RecordChoice:
     kind = "ideal" if record.filter == "ideal" else "butterworth"
     band = Band(table.shortest_m, table.longest_m, kind, record.filter_order)
     return RecordChoice(path, digest, layout, record.run, record.repair, record.longest_gap_m, band)
+
+
+@lru_cache(maxsize=4)
+def _grounds(
+    layers: Path, weights: Path, columns: Columns, leave_out: tuple[str, ...], changed: float
+) -> tuple[Ground, ...]:
+    del changed  # it tells a file that was written anew from the one that is known
+    return read_grounds(layers, weights, columns, leave_out)
+
+
+def build_grounds(table: GroundsTable, layers: Path, weights: Path) -> tuple[Ground, ...]:
+    """The grounds of a study from its two files.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read or used.
+    """
+    columns = Columns(
+        SEPARATORS[table.separator],
+        table.ground_column,
+        table.top_column,
+        table.material_column,
+        table.segment_column,
+        table.probability_column,
+    )
+    changed = layers.stat().st_mtime + weights.stat().st_mtime
+    return _grounds(layers, weights, columns, table.leave_out, changed)
 
 
 def build_timetable(scenario: ScenarioTable, trains: Mapping[str, Train]) -> Timetable:
@@ -234,12 +243,18 @@ def resolved_track(table: TrackTable, softens: bool) -> TrackTable:
     tables: dict[str, Any] = {
         "preset": table.preset_name,
         "rail": described(track.rail, RAIL_PATHS),
-        "layers": {layer.name: described(layer, LAYER_PATHS) for layer in track.layers},
+        "layers": {
+            layer.name: described(layer, LAYER_PATHS)
+            for layer in track.layers
+            if layer.name in layer_names(table)
+        },
     }
     softening = build_softening(table.model_copy(update={"soil": "equivalent_linear"}))
     if softens and softening is not None:
         tables["softening"] = (table.softening or SofteningTable()).model_dump()
         for name, curve in softening.curves:
+            if name not in tables["layers"]:
+                continue
             kept = {"curve", *CURVE_PARAMETERS[curve.kind]}
             described_curve = described(curve, CURVE_PATHS)
             tables["layers"][name] |= {k: v for k, v in described_curve.items() if k in kept}
@@ -249,13 +264,6 @@ def resolved_track(table: TrackTable, softens: bool) -> TrackTable:
     else:
         tables["support"] = described(track, SUPPORT_PATHS)
     return TrackTable.model_validate(table.model_dump() | tables)
-
-
-def resolved_train(table: TrainTable) -> TrainTable:
-    """``table`` with every value of its vehicle written out (its own values untouched)."""
-    vehicle: Vehicle = VEHICLES[table.vehicle]
-    own = table.model_dump(exclude_none=True)
-    return TrainTable.model_validate(described(vehicle, VEHICLE_PATHS) | own)
 
 
 def resolved_variant(
@@ -268,34 +276,6 @@ def resolved_variant(
     if table.settlement_factor is None and settlement.factor_digest is not None:
         inherited["factor_digest"] = settlement.factor_digest
     return VariantTable.model_validate(inherited | own)
-
-
-def overridden(domain_object: T, table: BaseModel, paths: Paths) -> T:
-    """Copy of a domain object with the values that ``table`` gives.
-
-    Raises
-    ------
-    ValueError
-        ``table`` gives a value the object has no attribute for, or the object refuses one.
-    """
-    changes = {
-        path: (key, value if isinstance(value, str) else value * factor)
-        for key, (path, factor) in paths.items()
-        if (value := getattr(table, key)) is not None
-    }
-    return _changed(domain_object, changes)
-
-
-def described(domain_object: Any, paths: Paths) -> dict[str, Any]:
-    """The keys ``paths`` gives to an object's values; absent and infinite ones left out."""
-    found = {}
-    for key, (path, factor) in paths.items():
-        value = domain_object
-        for attribute in path.split("."):
-            value = getattr(value, attribute, None)
-        if value is not None and value != math.inf:
-            found[key] = value if isinstance(value, str) else value / factor
-    return found
 
 
 def _layers(layers: tuple[Layer, ...], tables: Mapping[str, LayerTable]) -> tuple[Layer, ...]:
@@ -311,25 +291,3 @@ def _layer(layer: Layer, table: LayerTable) -> Layer:
     if table.width_m is not None and layer.width is None:
         raise ValueError(f"layer '{layer.name}' is unbounded ground: leave out width_m")
     return overridden(layer, table, LAYER_PATHS)
-
-
-def _changed(target: T, changes: Mapping[str, tuple[str, Any]]) -> T:
-    """Copy of a frozen dataclass with dotted paths replaced; values are (key, value)."""
-    values: dict[str, Any] = {}
-    nested: dict[str, dict[str, tuple[str, Any]]] = {}
-    for path, (key, value) in changes.items():
-        head, _, rest = path.partition(".")
-        part = getattr(target, head, None)
-        if rest and not (is_dataclass(part) and hasattr(part, rest)):
-            raise ValueError(f"'{_name(target)}' has no {key}: leave it out")
-        if rest:
-            nested.setdefault(head, {})[rest] = (key, value)
-        else:
-            values[head] = value
-    for head, inner in nested.items():
-        values[head] = _changed(getattr(target, head), inner)
-    return replace(target, **values) if values else target  # type: ignore[type-var]
-
-
-def _name(target: object) -> str:
-    return str(getattr(target, "name", type(target).__name__))

@@ -3,7 +3,8 @@
 Each check looks only at tables that are themselves sound (the others are None or left out), so that
 one reading of a study reports all of its faults. Warnings are remarks on a study that will run.
 
-Depends on: filters, study_build, study_faults, study_schema, track, traffic, units, waves.
+Depends on: filters, study_build, study_faults, study_paths, study_schema, study_trains, track, traffic,
+units, waves.
 """
 
 from collections import Counter
@@ -11,14 +12,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from mcsettle.filters import D1
-from mcsettle.study_build import (
-    CURVE_PATHS,
-    LAYER_PATHS,
-    build_track,
-    build_train,
-    described,
-)
+from mcsettle.study_build import CURVE_PATHS, LAYER_PATHS, build_track, layer_names
 from mcsettle.study_faults import Fault, dotted, shown, suggestion
+from mcsettle.study_paths import described
 from mcsettle.study_schema import (
     CalibrationTable,
     EconomicsTable,
@@ -32,10 +28,11 @@ from mcsettle.study_schema import (
     TrackTable,
     TrainTable,
     VariantTable,
+    VehicleTable,
 )
+from mcsettle.study_trains import build_train, vehicle_named
 from mcsettle.track import TRACKS, BeamTrack, Track
 from mcsettle.units import KMH, MGT, TONNE
-from mcsettle.vehicle import VEHICLES
 from mcsettle.waves import rayleigh_speed
 
 NEAR_CRITICAL = 0.8
@@ -54,6 +51,7 @@ class Parts:
     run: RunTable | None = None
     maintenance: MaintenanceTable | None = None
     trains: Mapping[str, TrainTable] = field(default_factory=dict)
+    vehicles: Mapping[str, VehicleTable] = field(default_factory=dict)
     train_names: tuple[str, ...] = ()
     scenario_names: tuple[str, ...] = ()
     variant_names: tuple[str, ...] = ()
@@ -142,15 +140,18 @@ def _geometry(parts: Parts) -> Iterator[Fault]:
         )
         yield Fault("track.preset", message)
         return
-    unused = ("pad", "sleeper") if table.model == "beam" else ("support",)
+    unused: tuple[str, ...] = ("support",)
+    if table.model == "beam":
+        unused = ("pad", "sleeper", "under_sleeper_pad")
     for key in unused:
-        if getattr(table, key).model_dump(exclude_none=True):
+        part = getattr(table, key)
+        if part is not None and part.model_dump(exclude_none=True):
             yield Fault(
                 f"track.{key}", f"has no meaning with model = {shown(table.model)}; leave it out"
             )
     yield from _soil(table, parts)
     yield from _without_effect(table, parts)
-    known = [layer.name for layer in TRACKS[table.preset_name].layers]
+    known = layer_names(table)
     yield from _unknown_layers("track.layers", table.layers, known)
     yield from _buildable("track", table, None)
     for index, variant in parts.variants.items():
@@ -241,9 +242,14 @@ def _buildable(path: str, table: TrackTable, variant: VariantTable | None) -> It
 def _trains(parts: Parts) -> Iterator[Fault]:
     for name, table in parts.trains.items():
         try:
-            build_train(name, table)
+            build_train(name, table, parts.vehicles)
         except ValueError as error:
             yield Fault(f"trains.{name}", str(error))
+    for name in parts.vehicles:
+        try:
+            vehicle_named(name, parts.vehicles)
+        except ValueError as error:
+            yield Fault(f"vehicles.{name}", str(error))
 
 
 def _profile(parts: Parts) -> Iterator[Fault]:
@@ -308,7 +314,7 @@ def _economics(parts: Parts) -> Iterator[Fault]:
             yield Fault(path, message)
         elif economics.effect == "speed":
             changes[scenario.name] = (path, speeds[0])
-        elif all(service.train in parts.trains for service in scenario.timetable):
+        elif all(_is_sound(service.train, parts) for service in scenario.timetable):
             changes[scenario.name] = (path, _tonnage(scenario, parts))
     base = changes.get(economics.baseline)
     for name, (path, value) in changes.items():
@@ -339,15 +345,22 @@ def _maintenance(parts: Parts) -> Iterator[Fault]:
         yield Fault("maintenance", "takes [run] stepping = 'cycle_jump'")
 
 
+def _is_sound(train: str, parts: Parts) -> bool:
+    try:
+        build_train(train, parts.trains[train], parts.vehicles)
+    except (KeyError, ValueError):
+        return False
+    return True
+
+
 def _tonnage(scenario: ScenarioTable, parts: Parts) -> float:
     """Gross tonnes a day of ``scenario``; its trains are sound tables."""
     if scenario.mgt_per_day is not None:
         return scenario.mgt_per_day * MGT / TONNE
     total = 0.0
     for service in scenario.timetable:
-        table = parts.trains[service.train]
-        load = table.axle_load_t or VEHICLES[table.vehicle].axle_load / TONNE
-        total += 4.0 * table.cars * load * service.per_day
+        train = build_train(service.train, parts.trains[service.train], parts.vehicles)
+        total += train.mass / TONNE * service.per_day
     return total
 
 

@@ -23,6 +23,7 @@ from mcsettle.study_schema import (
     TrackTable,
     TrainTable,
     VariantTable,
+    VehicleTable,
 )
 
 LARGEST_FILE = 1_000_000  # bytes
@@ -40,6 +41,7 @@ _SINGLE: Mapping[str, type[Table]] = {
 _OPTIONAL = ("track", "profile")
 _MANY: Mapping[str, type[Table]] = {
     "trains": TrainTable,
+    "vehicles": VehicleTable,
     "scenarios": ScenarioTable,
     "variants": VariantTable,
     "reference": ReferenceTable,
@@ -112,9 +114,10 @@ def sound_parts(data: Mapping[str, Any], wrong: set[tuple[Any, ...]]) -> Parts:
 def _entries(data: Mapping[str, Any], name: str) -> Mapping[Any, Any]:
     """Entries of a table or list of tables by key or index; empty where it is neither."""
     value = data.get(name)
+    by_name = name in ("trains", "vehicles")
     if isinstance(value, Mapping):
-        return value if name == "trains" else {}
-    return dict(enumerate(value)) if isinstance(value, tuple) and name != "trains" else {}
+        return value if by_name else {}
+    return dict(enumerate(value)) if isinstance(value, tuple) and not by_name else {}
 
 
 def _refuse_long_keys(text: str) -> None:

@@ -16,6 +16,8 @@ from mcsettle.units import DAYS_PER_YEAR, MM
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.\-]*$", max_length=40)]
 Text = Annotated[str, Field(max_length=2000)]
+FileName = Annotated[str, Field(min_length=1, max_length=500)]
+Column = Annotated[str, Field(min_length=1, max_length=100)]
 Fraction = Annotated[float, Field(ge=0, lt=0.5)]
 Positive = Annotated[float, Field(gt=0)]
 Cycles = Annotated[float, Field(ge=1, le=1e12)]
@@ -113,12 +115,64 @@ class SupportTable(Table):
     poisson: Annotated[float, Field(ge=0, lt=0.5)] | None = None
 
 
+class GroundTable(LayerTable):
+    """``[[track.ground]]``: one ground layer in full, from the subgrade surface down."""
+
+    name: Name
+
+
+class SoilTable(Table):
+    """``[grounds.materials.<code>]``: a soil of a list of grounds; ``no_law`` says why it has none."""
+
+    youngs_modulus_pa: u.Pascals
+    poisson: Annotated[float, Field(gt=-1, lt=0.5)]
+    density_kg_per_m3: u.Density
+    damping: Fraction
+    k0: Annotated[float, Field(gt=0, le=3)] = 0.5
+    settlement_a: Positive | None = None
+    settlement_b: Annotated[float, Field(gt=0, lt=1)] | None = None
+    settlement_m: Positive | None = None
+    strength_pa: u.Pascals | None = None
+    no_law: Text = ""
+    source: Text = ""
+
+
+class GroundsTable(Table):
+    """``[grounds]``: many possible layered grounds with probabilities, each a parameter set."""
+
+    layers: FileName
+    weights: FileName
+    separator: Literal["comma", "semicolon", "tab"] = "semicolon"
+    ground_column: Column = "soilprofile_id"
+    top_column: Column = "top_level"
+    material_column: Column = "soil_name"
+    segment_column: Column = "segment_id"
+    probability_column: Column = "probability"
+    leave_out: Annotated[tuple[Column, ...], Field(max_length=100)] = ()
+    fine_m: Annotated[u.Metres, Field(ge=0.1, le=5)] = 0.5
+    fine_depth_m: Annotated[u.Metres, Field(ge=0.1, le=50)] = 6.0
+    coarse_m: Annotated[u.Metres, Field(ge=0.1, le=10)] = 1.0
+    depth_m: Annotated[u.Metres, Field(ge=0.5, le=100)] = 10.0
+    materials: Annotated[dict[Column, SoilTable], Field(min_length=1, max_length=1000)]
+    sha256: Annotated[tuple[str, ...], Field(max_length=2)] | None = None
+
+
+class UnderSleeperPadTable(Table):
+    """``[track.under_sleeper_pad]``: an elastic pad below every sleeper (section model)."""
+
+    bedding_modulus_n_per_m3: Annotated[float, u.quantity("N/m^3"), Field(gt=0)]
+    thickness_m: Annotated[u.Metres, Field(le=0.1)] = 0.01
+    damping: Fraction = 0.05
+    density_kg_per_m3: u.Density = 1000.0
+
+
 class TrackTable(Table):
     """``[track]``: a named track of the paper and what differs from it.
 
     ``hertz_stiffness_n_per_m`` is of the contact of one wheelset: two rails.
     """
 
+    library: Name | None = None
     model: Literal["section", "beam"] = "section"
     preset: Literal["case_study", "validation", "beam"] | None = None
     soil: Soil = "linear"
@@ -129,17 +183,15 @@ class TrackTable(Table):
     pad: PadTable = PadTable()
     sleeper: SleeperTable = SleeperTable()
     support: SupportTable = SupportTable()
+    under_sleeper_pad: UnderSleeperPadTable | None = None
     softening: SofteningTable | None = None
     layers: dict[Name, LayerTable] = {}
+    ground: Annotated[tuple[GroundTable, ...], Field(max_length=60)] = ()
 
     @property
     def preset_name(self) -> str:
         """The named track this one starts from."""
         return self.preset or ("beam" if self.model == "beam" else "case_study")
-
-
-FileName = Annotated[str, Field(min_length=1, max_length=500)]
-Column = Annotated[str, Field(min_length=1, max_length=100)]
 
 
 class RecordTable(Table):
@@ -260,11 +312,9 @@ class MaintenanceTable(Table):
     renewal_years: Annotated[u.Years, Field(le=200)] | None = None
 
 
-class TrainTable(Table):
-    """``[trains.<name>]``: a named vehicle, how many of them, and what differs from it."""
+class CarTable(Table):
+    """What describes a car; keys left out follow the vehicle that is named."""
 
-    vehicle: Literal["passenger", "freight"]
-    cars: Annotated[int, Field(ge=1, le=200)]
     model: Literal["complete", "bogies", "wheelsets"] | None = None
     car_length_m: u.Metres | None = None
     bogie_spacing_m: u.Metres | None = None
@@ -279,6 +329,30 @@ class TrainTable(Table):
     primary_damping_ns_per_m: u.DashpotDamping | None = None
     secondary_stiffness_n_per_m: u.SpringStiffness | None = None
     secondary_damping_ns_per_m: u.DashpotDamping | None = None
+
+
+class VehicleTable(CarTable):
+    """``[vehicles.<name>]``: a vehicle of your own, like another one or in full."""
+
+    like: Name | None = None
+    source: Text = ""
+
+
+class ConsistTable(CarTable):
+    """One entry of a consist: cars in a row; ``axle_loads_t`` from the leading wheelset back."""
+
+    vehicle: Name
+    count: Annotated[int, Field(ge=1, le=200)] = 1
+    axle_loads_t: Annotated[tuple[u.Tonnes, ...], Field(min_length=4, max_length=4)] | None = None
+
+
+class TrainTable(CarTable):
+    """``[trains.<name>]``: cars all alike (vehicle, cars), a consist, or a shipped train by name."""
+
+    library: Name | None = None
+    vehicle: Name | None = None
+    cars: Annotated[int, Field(ge=1, le=200)] | None = None
+    consist: Annotated[tuple[ConsistTable, ...], Field(min_length=1, max_length=200)] | None = None
 
 
 class ServiceTable(Table):

@@ -70,6 +70,11 @@ class Results:
         logs = own["log_likelihood"].to_numpy(dtype=float, na_value=-np.inf)
         return Conditioning(variant, logs) if len(own) else None
 
+    def __repr__(self) -> str:
+        counts = self.realisations["status"].value_counts()
+        said = ", ".join(f"{n} {status}" for status, n in counts.items())
+        return f"<Results of {self.study!r}: {said}>"
+
 
 @dataclass(frozen=True)
 class SummaryRow:

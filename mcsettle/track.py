@@ -217,6 +217,9 @@ class SectionTrack:
         if any(lower < upper for upper, lower in pairwise(widths)):
             raise ValueError(f"each layer must be at least as wide as the one above: {widths} m")
 
+    def __str__(self) -> str:
+        return "section track\n" + layer_lines(self.layers)
+
     @property
     def embankment(self) -> tuple[Layer, ...]:
         """Layers of finite width, from the sleeper down."""
@@ -244,6 +247,9 @@ class BeamTrack:
     sleeper_length: float = 2.5
     poisson: float = 0.3
 
+    def __str__(self) -> str:
+        return "beam track\n" + layer_lines(self.layers)
+
     def __post_init__(self) -> None:
         _check_layers(self.layers)
         _positive("support stiffness", self.support_stiffness, "N/m²")
@@ -254,6 +260,15 @@ class BeamTrack:
             )
         if not 0.0 <= self.poisson < 0.5:
             raise ValueError(f"Poisson's ratio is {self.poisson}; it must lie in [0, 0.5)")
+
+
+def layer_lines(layers: tuple[Layer, ...]) -> str:
+    """Layers in words, one a line: name, height, modulus, law."""
+    return "\n".join(
+        f"{layer.name:<18} {layer.height:>6.2f} m  E {layer.material.youngs_modulus / 1e6:>6.0f} MPa"
+        f"  {'does not settle' if layer.law is None else layer.law}"
+        for layer in layers
+    )
 
 
 Track = SectionTrack | BeamTrack

@@ -25,6 +25,9 @@ class Train:
         if not self.cars:
             raise ValueError(f"train '{self.name}' has no cars")
 
+    def __str__(self) -> str:
+        return f"{self.name}: {len(self.cars)} cars, {self.n_axles} axles, {self.mass / 1e3:.0f} t"
+
     @property
     def axle_positions(self) -> np.ndarray:
         """Axle positions [m], shape [J], leading axle at 0, falling."""
@@ -39,7 +42,7 @@ class Train:
     @property
     def axle_forces(self) -> np.ndarray:
         """Static wheelset forces [N], shape [J], positive on the track."""
-        return np.repeat([car.axle_load * GRAVITY for car in self.cars], 4)
+        return np.array([load * GRAVITY for car in self.cars for load in car.loads])
 
     @property
     def n_axles(self) -> int:
@@ -49,7 +52,7 @@ class Train:
     @property
     def mass(self) -> float:
         """Gross mass [kg]: axle loads summed."""
-        return float(sum(4.0 * car.axle_load for car in self.cars))
+        return float(sum(sum(car.loads) for car in self.cars))
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,11 @@ class Timetable:
     def __post_init__(self) -> None:
         if not self.services:
             raise ValueError("the timetable is empty; it needs at least one service")
+
+    def __str__(self) -> str:
+        return "; ".join(
+            f"{s.per_day} × {s.train.name} at {s.speed * 3.6:.0f} km/h" for s in self.services
+        )
 
     @property
     def passages_per_day(self) -> int:

@@ -61,6 +61,7 @@ class Vehicle:
     """One car. Lengths [m], masses [kg], pitching inertias [kg·m²], axle load [kg per wheelset].
 
     ``primary`` is None for freight vehicles, whose wheelsets are rigidly part of the bogie.
+    ``axle_loads``, leading wheelset first, replaces ``axle_load`` where the wheelsets differ.
     """
 
     name: str
@@ -76,10 +77,13 @@ class Vehicle:
     primary: Suspension | None
     axle_load: float
     model: str = "complete"
+    axle_loads: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
         for field, unit in _POSITIVE_FIELDS.items():
             _positive(f"{field} of vehicle '{self.name}'", getattr(self, field), unit)
+        for load in self.axle_loads or ():
+            _positive(f"axle load of vehicle '{self.name}'", load, "kg")
         outermost = self.bogie_spacing + self.axle_spacing
         if self.axle_spacing >= self.bogie_spacing or outermost >= self.length:
             raise ValueError(
@@ -97,6 +101,11 @@ class Vehicle:
                 f"vehicle '{self.name}' has no primary suspension: its wheelsets are rigidly part "
                 "of the bogies and cannot move alone; choose the model 'bogies'"
             )
+
+    @property
+    def loads(self) -> tuple[float, float, float, float]:
+        """Static load of each wheelset [kg], leading first."""
+        return self.axle_loads or (self.axle_load,) * 4
 
     @property
     def axle_offsets(self) -> tuple[float, float, float, float]:

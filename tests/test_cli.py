@@ -41,7 +41,7 @@ def test_help_names_every_command() -> None:
     done = invoke("--help")
     assert done.exit_code == 0
     for verb in ("init", "check", "schema", "run", "summarise", "calibrate", "tornado", "track",
-                 "profile", "life", "validate", "doctor"):  # fmt: skip
+                 "profile", "life", "grounds", "validate", "doctor"):  # fmt: skip
         assert verb in done.stdout
 
 

@@ -1,0 +1,97 @@
+"""``mcsettle grounds``: the grounds of a study, or what a run says of them by segment.
+
+Depends on: ground_report, study, study_grounds, cli.edge; figures where a picture is asked for.
+"""
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mcsettle.errors import InputError
+
+if TYPE_CHECKING:
+    from mcsettle.ground_report import GroundReport, SegmentRow
+    from mcsettle.study import Study
+
+MOST_REASONS = 10
+
+
+def list_lines(study: "Study") -> Iterator[str]:
+    """Every ground of a study: number, name, segment, probability, and why it cannot be run."""
+    from mcsettle.study_grounds import ground_sets
+
+    if study.grounds_table is None:
+        raise InputError("the study has no [grounds]")
+    yield f"{'set':>4} {'probability':>11}  segment, ground"
+    failed = 0
+    for member, ground in zip(ground_sets(study), study.grounds(), strict=False):
+        failed += bool(member.failure)
+        why = f"  FAILS: {member.failure.partition(': ')[2]}" if member.failure else ""
+        yield f"{member.index:>4} {ground.probability:>11.3f}  {ground.segment}, {ground.name}{why}"
+    yield f"{len(study.grounds())} grounds; {failed} of the {study.n_sets} asked for cannot be run"
+
+
+def report_lines(report: "GroundReport") -> Iterator[str]:
+    """Segments in a table, the line last, then why grounds failed."""
+    yield f"{report.study.title}: {report.variant}, {report.scenario}"
+    yield (
+        f"{'segment':>10} {'run':>4} {'failed':>6} {'known':>6} {'P5':>9} {'P50':>9} {'P95':>9}  days;"
+        f" {'cost P50':>10} {'mean':>10} GBP/track-km; {'marginal':>9}"
+    )
+    for row in (*report.rows, report.line):
+        days = " ".join(f"{_shown(value):>9}" for value in row.days)
+        yield (
+            f"{row.segment:>10} {row.grounds:>4} {row.failed:>6} {row.known:>6.1%} {days}       "
+            f"{_shown(row.cost[1]):>10} {_shown(row.mean_cost):>10}               "
+            f"{_shown(row.marginal):>9}"
+        )
+    for reason in report.reasons[:MOST_REASONS]:
+        yield f"failed: {reason}"
+    if len(report.reasons) > MOST_REASONS:
+        yield f"… and {len(report.reasons) - MOST_REASONS} more reasons: --json lists them"
+
+
+def report_json(report: "GroundReport") -> str:
+    """The same as JSON; null: not known, or beyond the horizon."""
+    data = {
+        "title": report.study.title,
+        "variant": report.variant,
+        "scenario": report.scenario,
+        "segments": [_row(row) for row in report.rows],
+        "line": _row(report.line),
+        "failures": list(report.reasons),
+    }
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def draw_report(report: "GroundReport", path: Path) -> None:
+    """Write the picture by segment as ``path``, PNG or SVG."""
+    from mcsettle.figures.grounds import grounds_figure
+    from mcsettle.figures.style import FORMATS, save
+
+    if path.suffix.lower().lstrip(".") not in FORMATS:
+        raise InputError(f"--picture {path}: choose a name that ends in .png or .svg")
+    save(grounds_figure(report), path.parent, path.stem)
+
+
+def _row(row: "SegmentRow") -> dict[str, Any]:
+    return {
+        "segment": row.segment,
+        "grounds": row.grounds,
+        "failed": row.failed,
+        "known_probability": row.known,
+        "tamping_interval_days": [_finite(v) for v in row.days],
+        "present_cost_gbp_per_track_km": [_finite(v) for v in row.cost],
+        "mean_present_cost_gbp_per_track_km": _finite(row.mean_cost),
+        "mean_marginal_cost": _finite(row.marginal),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _shown(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else "–"
