@@ -17,6 +17,8 @@ from scipy.special import ndtr
 from mcsettle.errors import InputError
 from mcsettle.inference import (
     FIRST_REACH,
+    HIGHEST,
+    LOWEST,
     Ensemble,
     Observation,
     least_squares,
@@ -74,6 +76,11 @@ def forecast(
     rows = tuple(sorted(observations, key=lambda o: o.day))
     fitted = Ensemble(study, scenario, name, rows[:-hold_out], progress, processes)
     logs, weights, _ = posterior_grid(fitted, least_squares(fitted), FIRST_REACH)
+    if logs[0] < np.log(LOWEST) or logs[-1] > np.log(HIGHEST):
+        raise InputError(
+            "the observations that are left to fit to do not tell the factor from none at all: hold out "
+            "fewer, or wait for growth beyond their errors"
+        )
     whole = Ensemble(study, scenario, name, rows, progress, processes)
     sd = whole.on(logs)
     errors = np.array([row.sd_error_mm for row in rows]) * MM

@@ -32,7 +32,7 @@ def ground_sets(study: Study) -> list[ParameterSet]:
         try:
             found.append(ParameterSet(index, values, ground_study(study, ground)))
         except InputError as error:
-            found.append(ParameterSet(index, values, study, _reason(ground, error)))
+            found.append(ParameterSet(index, values, study, failure=_reason(ground, error)))
     return found
 
 

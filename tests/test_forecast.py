@@ -101,7 +101,7 @@ def test_a_study_predicts_what_was_held_out(fresh_cache: Path, tmp_path: Path) -
     days = np.array([0.0, 8.0, 16.0])
     track = initial_profiles(study, range(60, 61))
     sd = Engine(case).run(track, days).history[0] * 1e3
-    rows = [Observation(float(d), float(s), 0.03) for d, s in zip(days, sd, strict=True)]
+    rows = [Observation(float(d), float(s), 0.01) for d, s in zip(days, sd, strict=True)]
     found = forecast(study, "v201", rows, 1)
     assert [row.held_out for row in found] == [False, False, True]
     assert found[2].quantiles[0] < found[2].quantiles[1] < found[2].quantiles[2]

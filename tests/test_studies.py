@@ -22,12 +22,13 @@ def small(path: Path) -> Study:
     names = [scenario["name"] for scenario in data["scenarios"][:2]]
     data["scenarios"] = data["scenarios"][:2]
     data["variants"] = [{"name": data["variants"][0]["name"]}]
-    for key in ("reference", "calibration", "uncertain", "correlations"):
+    for key in ("reference", "calibration", "uncertain", "correlations", "observed", "sources"):
         data.pop(key, None)
     if data.get("economics", {}).get("baseline") not in names:
         data.pop("economics", None)
     for train in data["trains"].values():
         train["cars"] = 1
+        train.pop("consist", None)
     data["run"] = {"realisations": 2}
     data["settlement"] = {"settlement_factor": 300.0}
     data["limit"] |= {"horizon_years": 0.5}

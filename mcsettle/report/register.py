@@ -4,7 +4,7 @@ Who set a value is found by comparing it with what the program would have taken:
 or default, it is the paper's or a default by the rules of ``register.toml``; different, it is the
 study's, unless the study's ``[sources]`` says where it comes from.
 
-Depends on: key_paths, report.page, report.words, study, study_build, study_schema.
+Depends on: key_paths, report.page, report.words, study, study_build, study_schema, study_trains.
 """
 
 import tomllib
@@ -19,7 +19,7 @@ from mcsettle.key_paths import unit_of
 from mcsettle.report.page import Table
 from mcsettle.report.words import cut
 from mcsettle.study import Study, study_data
-from mcsettle.study_build import resolved_track, resolved_train
+from mcsettle.study_build import resolved_track
 from mcsettle.study_schema import (
     EconomicsTable,
     LimitTable,
@@ -30,6 +30,7 @@ from mcsettle.study_schema import (
     TrackTable,
     TrainTable,
 )
+from mcsettle.study_trains import resolved_train
 
 OMITTED = {
     "schema_version",
@@ -138,7 +139,10 @@ def _defaults(study: Study) -> dict[str, Any]:
         "trains": {},
     }
     for name, t in study.train_tables.items():
-        own = _dump(resolved_train(TrainTable(vehicle=t.vehicle, cars=t.cars)))
+        if t.consist is not None:  # every car of it is the study's own choice
+            continue
+        plain = TrainTable(vehicle=t.vehicle, cars=t.cars)
+        own = _dump(resolved_train(plain, study.vehicle_tables))
         data["trains"][name] = {k: v for k, v in own.items() if k not in ("vehicle", "cars")}
     if study.economics is not None:
         effect, baseline = study.economics.effect, study.economics.baseline

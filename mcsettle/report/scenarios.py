@@ -55,7 +55,10 @@ def _trains(material: Material) -> Table:
         table = material.study.train_tables[name]
         mass = train.mass / TONNE
         load = mass / train.n_axles
-        rows.append((name, table.vehicle, str(len(train.cars)), number(load), number(mass, 0)))
+        vehicles = table.vehicle or ", ".join(
+            f"{entry.count} × {entry.vehicle}" for entry in table.consist or ()
+        )
+        rows.append((name, cut(vehicles), str(len(train.cars)), number(load), number(mass, 0)))
     head = ("train", "vehicle", "cars", "axle load, t", "mass, t")
     return Table("Trains", head, tuple(rows), 2)
 
