@@ -155,7 +155,7 @@ def _set_up(where: str, key: str, threads: int | None) -> Bench:
         raise InputError(f"'{at}' is not the folder of this run as this worker sees it")
     runtime.start(threads)
     job = step_b.Job(study, at, provenance, threads, held=held_shards(at))
-    shelf = Shelf.of(study) if study.uncertain else None
+    shelf = Shelf.of(study) if study.nested else None
     shards = all_shards(study, provenance.shard_realisations)
     return Bench(key, job, all_sets(study), shards, shelf)
 
