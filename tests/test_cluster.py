@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -148,6 +149,25 @@ def test_without_a_scheduler_it_says_so(study, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "PATIENCE", 0.0)
     with pytest.raises(InputError, match=r"no scheduler answers at tcp://127.0.0.1:9"):
         cluster.run_distributed(study, tmp_path, "tcp://127.0.0.1:9", shard_size=SIZE)
+
+
+def test_templates_are_sound_and_call_what_there_is():
+    """Shell and YAML parse; the parts of both count from 1 to N; every option they give exists."""
+    yaml = pytest.importorskip("yaml")
+    folder = Path(__file__).resolve().parents[1] / "docs" / "cluster"
+    script = folder / "slurm.sh"
+    assert subprocess.run(["bash", "-n", str(script)], check=False).returncode == 0
+    job = yaml.safe_load((folder / "kubernetes.yaml").read_text(encoding="utf-8"))["spec"]
+    (container,) = job["template"]["spec"]["containers"]
+    assert job["completionMode"] == "Indexed"
+    called = container["args"][0]
+    assert f'--shards "$((JOB_COMPLETION_INDEX + 1))/{job["completions"]}"' in called
+    told = CliRunner().invoke(app, ["run", "--help"], env={"COLUMNS": "200"}).stdout
+    for text in (called, script.read_text(encoding="utf-8").rpartition("exec ")[2]):
+        assert text.split()[:2] == ["exec", "mcsettle"] or text.startswith("mcsettle run")
+        for option in re.findall(r"--[a-z-]+", text):
+            assert option in told
+    assert "pip install" in (folder / "Dockerfile").read_text(encoding="utf-8")
 
 
 # --- real processes -------------------------------------------------------------------------------
