@@ -76,9 +76,10 @@ def main() -> None:
     """Kill, resume, kill …"""
     study, out, kills, seed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
     rng, killed, in_writes, ended, removed = random.Random(seed), 0, 0, 0, 0
-    longest = 2.0
+    began = time.monotonic()
+    os.waitpid(child(study, out.with_name("probe"), rng, undisturbed=True), 0)
+    longest = 1.2 * (time.monotonic() - began)  # of a whole run, on this machine as it is now
     while killed < kills:
-        started = time.monotonic()
         pid = child(study, out, rng, undisturbed=False)
         status = await_or_kill(pid, rng.uniform(0.0, longest))
         if status is None:
@@ -89,7 +90,6 @@ def main() -> None:
             sys.exit("a run failed")
         else:  # finished: begin again with some shards gone
             ended += 1
-            longest = max(1.0, 0.9 * (time.monotonic() - started))
             shards = sorted((out / "realisations").iterdir())
             for path in rng.sample(shards, rng.randrange(1, len(shards) + 1)):
                 path.unlink()
