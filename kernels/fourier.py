@@ -14,9 +14,8 @@ Depends on: spectral, taichi.
 import numpy as np
 import taichi as ti
 
-from mcsettle.kernels.spectral import LANES
+from mcsettle.kernels.spectral import LANES, ROWS
 
-ROWS = 0xFFFF
 __all__ = ["LANES", "ROWS", "forwards", "pass_back", "radices", "twiddled"]
 
 

@@ -22,12 +22,18 @@ class March:
     """Up to CAPACITY realisations [R], of which the active ones occupy lanes; spectral growth."""
 
     def __init__(
-        self, amplitudes: np.ndarray, power_limit: float, tables: Tables, n_groups: int
+        self,
+        amplitudes: np.ndarray,
+        power_limit: float,
+        tables: Tables,
+        n_groups: int,
+        precision: str = "f64",
     ) -> None:
         n_real, n_modes = amplitudes.shape
         if n_real > CAPACITY:
             raise ValueError(f"{n_real} realisations; at most {CAPACITY} in one batch")
         self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
+        self.precision = precision
         self.fields = self._workspace(n_modes)
         self._u = np.array(amplitudes, dtype=complex)
         self._active = np.sum(np.abs(amplitudes) ** 2, axis=1) < power_limit
@@ -55,13 +61,13 @@ class March:
             self._load(np.flatnonzero(self._active))
 
     def _workspace(self, n_modes: int) -> Any:
-        return workspace(n_modes, self.n_groups)
+        return workspace(n_modes, self.n_groups, self.precision)
 
     def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
         w = self.fields
         burst(
             load, weights, *coefficients, *self.tables, self.power_limit,
-            self.n_tiles, self.n_groups, w.u, w.du, w.active, w.power, w.uniform, w.passages,
+            self.n_tiles, self.n_groups, w.u, w.v, w.du, w.active, w.power, w.uniform, w.passages,
         )  # fmt: skip
 
     def burst_size(self) -> int:
@@ -92,6 +98,14 @@ class March:
         self._store()
         return self._uniform.copy()
 
+    def restore(
+        self, amplitudes: np.ndarray, active: np.ndarray, updates: np.ndarray, uniform: np.ndarray
+    ) -> None:
+        """Go on from what ``amplitudes``, ``is_active``, ``updates`` and ``uniform`` gave."""
+        self._u[:], self._active[:] = amplitudes, active
+        self._updates[:], self._uniform[:] = updates, uniform
+        self._load(np.flatnonzero(self._active))
+
     def _load(self, rows: np.ndarray) -> None:
         """Put the realisations ``rows`` into lanes, in order."""
         self._rows, w = rows, self.fields
@@ -100,6 +114,8 @@ class March:
         room = np.zeros((len(rows), w.u.shape[1], 2))  # the field may hold more modes
         room[:, :n_modes, 0], room[:, :n_modes, 1] = u.real, u.imag
         w.u.from_numpy(_tiled(room))
+        if self.precision != "f64":
+            w.v.from_numpy(_tiled(room.astype(np.float32)))
         w.active.from_numpy(_tiled(self._active[rows].astype(float)))
         w.uniform.from_numpy(_tiled(self._uniform[rows]))
         w.passages.from_numpy(_tiled(self._updates[rows]))

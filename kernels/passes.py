@@ -295,26 +295,3 @@ def collect(
             im = im + (c2 * xi - s2 * xr) + (c3 * yi - s3 * yr)
             d[t, k, 0, lane] = d[t, k, 0, lane] + e * re
             d[t, k, 1, lane] = d[t, k, 1, lane] + e * im
-
-
-@ti.func
-def update(
-    t: int, n_modes: int, power_limit: float, u: ti.template(), d: ti.template(),
-    active: ti.template(), power: ti.template(), passages: ti.template(),
-):  # fmt: skip
-    """Add the growth to the profiles; those that reach the limit stop there (as spectral.burst)."""
-    for lane in range(LANES):
-        power[t, lane] = 0.0
-    for k in range(n_modes):
-        for lane in range(LANES):
-            x = u[t, k, 0, lane] + active[t, lane] * d[t, k, 0, lane]
-            y = u[t, k, 1, lane] + active[t, lane] * d[t, k, 1, lane]
-            u[t, k, 0, lane] = x
-            u[t, k, 1, lane] = y
-            power[t, lane] = power[t, lane] + (x * x + y * y)
-    for lane in range(LANES):
-        if active[t, lane] > 0.5:
-            passages[t, lane] = passages[t, lane] + 1
-            # Written so that an amplitude that is no number stops, too.
-            if not power[t, lane] < power_limit:
-                active[t, lane] = 0.0

@@ -24,9 +24,8 @@ from mcsettle.kernels.passes import (
     clear,
     collect,
     first_pass,
-    update,
 )
-from mcsettle.kernels.spectral import CAPACITY, LANES, N_TILES
+from mcsettle.kernels.spectral import CAPACITY, LANES, N_TILES, update
 
 WORKERS = 16
 SQUARES, BEGIN = 0, 1  # what becomes of a transform's fields; else they finish what another began

@@ -8,7 +8,12 @@ Accumulate with ``a = a + b``: ``+=`` on a field element is an atomic operation.
 Vectorisation. The compiler fetches the address of the fields' memory where a field is first used. Inside
 a lane loop it would be fetched again after every store and nothing would vectorise (measured: three
 times slower), so each tile begins with a use of a field outside all lane loops. Real and imaginary parts
-share one field, at a constant distance: fewer overlaps to rule out at run time.
+share one field, at a constant distance: fewer overlaps to rule out at run time. Indices are masked
+with ROWS or the number of tiles, which changes none of them: no overflow, simpler addresses.
+
+Precision. The state ``u`` is in double precision always. The growth ``d`` is computed from ``v``, which
+is ``u`` itself or, for single precision, a copy of it: an increment of 1e-7 of an amplitude may lose its
+own eighth digit but must not be lost in the sum.
 
 Depends on: taichi.
 """
@@ -20,7 +25,9 @@ import numpy as np
 import taichi as ti
 
 LANES = 64
-N_TILES = 32
+N_TILES = 32  # a power of two
+ROWS = 0xFFFF
+PRECISIONS = {"f64": ti.f64, "f32": ti.f32}
 CAPACITY = LANES * N_TILES
 Tables = tuple[np.ndarray, ...]
 
@@ -33,6 +40,7 @@ class Workspace:
     """
 
     u: ti.Field
+    v: ti.Field
     du: ti.Field
     weight: ti.Field
     active: ti.Field
@@ -43,13 +51,15 @@ class Workspace:
 
 
 @functools.cache
-def workspace(n_modes: int, n_weights: int) -> Workspace:
+def workspace(n_modes: int, n_weights: int, precision: str = "f64") -> Workspace:
     """Allocate (once per band) the state of CAPACITY realisations: some 32 bytes per mode of each."""
-    state = [ti.field(ti.f64, shape=(N_TILES, n_modes, 2, LANES)) for _ in range(2)]
-    weight = ti.field(ti.f64, shape=(N_TILES, n_weights, LANES))
+    kind, shape = PRECISIONS[precision], (N_TILES, n_modes, 2, LANES)
+    u, du = ti.field(ti.f64, shape=shape), ti.field(kind, shape=shape)
+    v = u if precision == "f64" else ti.field(kind, shape=shape)
+    weight = ti.field(kind, shape=(N_TILES, n_weights, LANES))
     lanes = [ti.field(ti.f64, shape=(N_TILES, LANES)) for _ in range(3)]
     passages = ti.field(ti.i64, shape=(N_TILES, LANES))
-    return Workspace(*state, weight, *lanes, passages, [])
+    return Workspace(u, v, du, weight, *lanes, passages, [])
 
 
 def evaluate_rates(
@@ -99,7 +109,8 @@ def rates(
     """Growth of every realisation with its own weights: out = Σ_e w[r, e] form_e(u[r])."""
     n_modes = sum_start.shape[0] - 1
     n_sums = sums.shape[0]
-    for t in range(n_tiles):
+    for tile in range(n_tiles):
+        t = tile & (N_TILES - 1)
         first = t * LANES
         d[t, 0, 0, 0] = s[t, 0, 0, 0]  # see the module's note on vectorisation
         for k in range(n_modes):
@@ -116,7 +127,8 @@ def rates(
             c0 = constant[e]
             for lane in range(LANES):
                 uniform[t, lane] = uniform[t, lane] + weight[t, e, lane] * c0
-        for n in range(n_modes):
+        for mode in range(n_modes):
+            n = mode & ROWS
             a = ti.Vector([form[e, n, 0] for e in ti.static(range(n_forms))])
             b = ti.Vector([form[e, n, 1] for e in ti.static(range(n_forms))])
             g = ti.Vector([mean[e, n] for e in ti.static(range(n_forms))])
@@ -134,8 +146,8 @@ def rates(
                 d[t, n, 1, lane] = ca * y + cb * x
                 uniform[t, lane] = uniform[t, lane] + cg * (x * x + y * y)
             for p in range(sum_start[n], sum_start[n + 1]):
-                i = sums[p, 0]
-                j = sums[p, 1]
+                i = sums[p, 0] & ROWS
+                j = sums[p, 1] & ROWS
                 a = ti.Vector([form[e, n_modes + p, 0] for e in ti.static(range(n_forms))])
                 b = ti.Vector([form[e, n_modes + p, 1] for e in ti.static(range(n_forms))])
                 for lane in range(LANES):
@@ -149,8 +161,8 @@ def rates(
                     d[t, n, 0, lane] = d[t, n, 0, lane] + (ca * xr - cb * xi)
                     d[t, n, 1, lane] = d[t, n, 1, lane] + (ca * xi + cb * xr)
             for p in range(diff_start[n], diff_start[n + 1]):
-                i = diffs[p, 0]
-                j = diffs[p, 1]
+                i = diffs[p, 0] & ROWS
+                j = diffs[p, 1] & ROWS
                 a = ti.Vector([form[e, n_modes + n_sums + p, 0] for e in ti.static(range(n_forms))])
                 b = ti.Vector([form[e, n_modes + n_sums + p, 1] for e in ti.static(range(n_forms))])
                 for lane in range(LANES):
@@ -172,6 +184,30 @@ def rates(
                     out[r, k, 1] = d[t, k, 1, lane]
 
 
+@ti.func
+def update(
+    t: int, n_modes: int, power_limit: float, u: ti.template(), d: ti.template(),
+    active: ti.template(), power: ti.template(), passages: ti.template(),
+):  # fmt: skip
+    """Add the growth to the profiles; those that reach the limit stop there."""
+    for lane in range(LANES):
+        power[t, lane] = 0.0
+    for mode in range(n_modes):
+        k = mode & ROWS
+        for lane in range(LANES):
+            x = u[t, k, 0, lane] + active[t, lane] * d[t, k, 0, lane]
+            y = u[t, k, 1, lane] + active[t, lane] * d[t, k, 1, lane]
+            u[t, k, 0, lane] = x
+            u[t, k, 1, lane] = y
+            power[t, lane] = power[t, lane] + (x * x + y * y)
+    for lane in range(LANES):
+        if active[t, lane] > 0.5:
+            passages[t, lane] = passages[t, lane] + 1
+            # Written so that an amplitude that is no number stops, too.
+            if not power[t, lane] < power_limit:
+                active[t, lane] = 0.0
+
+
 @ti.kernel
 def burst(
     axle: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] form of each passage, in order
@@ -186,7 +222,8 @@ def burst(
     power_limit: ti.f64,  # 2 sd_limit²
     n_tiles: ti.i32,
     n_groups: ti.template(),
-    s: ti.template(),
+    u: ti.template(),  # state
+    s: ti.template(),  # the state or its copy in single precision
     d: ti.template(),
     active: ti.template(),
     power: ti.template(),
@@ -200,7 +237,8 @@ def burst(
     """
     n_modes = sum_start.shape[0] - 1
     n_sums = sums.shape[0]
-    for t in range(n_tiles):
+    for tile in range(n_tiles):
+        t = tile & (N_TILES - 1)
         d[t, 0, 0, 0] = s[t, 0, 0, 0]  # see the module's note on vectorisation
         for step in range(axle.shape[0]):
             a = axle[step]
@@ -210,7 +248,8 @@ def burst(
                 c0 = c0 + w[g] * constant[a, g]
             for lane in range(LANES):
                 uniform[t, lane] = uniform[t, lane] + active[t, lane] * c0
-            for n in range(n_modes):
+            for mode in range(n_modes):
+                n = mode & ROWS
                 ca = 0.0
                 cb = 0.0
                 cg = 0.0
@@ -218,20 +257,24 @@ def burst(
                     ca = ca + w[g] * form[a, g, n, 0]
                     cb = cb + w[g] * form[a, g, n, 1]
                     cg = cg + w[g] * mean[a, g, n]
+                la = ti.cast(ca, d.dtype)
+                lb = ti.cast(cb, d.dtype)
                 for lane in range(LANES):
                     x = s[t, n, 0, lane]
                     y = s[t, n, 1, lane]
-                    d[t, n, 0, lane] = ca * x - cb * y
-                    d[t, n, 1, lane] = ca * y + cb * x
+                    d[t, n, 0, lane] = la * x - lb * y
+                    d[t, n, 1, lane] = la * y + lb * x
                     uniform[t, lane] = uniform[t, lane] + active[t, lane] * cg * (x * x + y * y)
                 for p in range(sum_start[n], sum_start[n + 1]):
-                    i = sums[p, 0]
-                    j = sums[p, 1]
-                    pa = 0.0
-                    pb = 0.0
+                    i = sums[p, 0] & ROWS
+                    j = sums[p, 1] & ROWS
+                    ta = 0.0
+                    tb = 0.0
                     for g in ti.static(range(n_groups)):
-                        pa = pa + w[g] * form[a, g, n_modes + p, 0]
-                        pb = pb + w[g] * form[a, g, n_modes + p, 1]
+                        ta = ta + w[g] * form[a, g, n_modes + p, 0]
+                        tb = tb + w[g] * form[a, g, n_modes + p, 1]
+                    pa = ti.cast(ta, d.dtype)
+                    pb = ti.cast(tb, d.dtype)
                     for lane in range(LANES):
                         xr = (
                             s[t, i, 0, lane] * s[t, j, 0, lane]
@@ -244,13 +287,15 @@ def burst(
                         d[t, n, 0, lane] = d[t, n, 0, lane] + (pa * xr - pb * xi)
                         d[t, n, 1, lane] = d[t, n, 1, lane] + (pa * xi + pb * xr)
                 for p in range(diff_start[n], diff_start[n + 1]):
-                    i = diffs[p, 0]
-                    j = diffs[p, 1]
-                    qa = 0.0
-                    qb = 0.0
+                    i = diffs[p, 0] & ROWS
+                    j = diffs[p, 1] & ROWS
+                    ta = 0.0
+                    tb = 0.0
                     for g in ti.static(range(n_groups)):
-                        qa = qa + w[g] * form[a, g, n_modes + n_sums + p, 0]
-                        qb = qb + w[g] * form[a, g, n_modes + n_sums + p, 1]
+                        ta = ta + w[g] * form[a, g, n_modes + n_sums + p, 0]
+                        tb = tb + w[g] * form[a, g, n_modes + n_sums + p, 1]
+                    qa = ti.cast(ta, d.dtype)
+                    qb = ti.cast(tb, d.dtype)
                     for lane in range(LANES):
                         xr = (
                             s[t, i, 0, lane] * s[t, j, 0, lane]
@@ -262,18 +307,9 @@ def burst(
                         )
                         d[t, n, 0, lane] = d[t, n, 0, lane] + (qa * xr - qb * xi)
                         d[t, n, 1, lane] = d[t, n, 1, lane] + (qa * xi + qb * xr)
-            for lane in range(LANES):
-                power[t, lane] = 0.0
-            for n in range(n_modes):
-                for lane in range(LANES):
-                    x = s[t, n, 0, lane] + active[t, lane] * d[t, n, 0, lane]
-                    y = s[t, n, 1, lane] + active[t, lane] * d[t, n, 1, lane]
-                    s[t, n, 0, lane] = x
-                    s[t, n, 1, lane] = y
-                    power[t, lane] = power[t, lane] + (x * x + y * y)
-            for lane in range(LANES):
-                if active[t, lane] > 0.5:
-                    passages[t, lane] = passages[t, lane] + 1
-                    # Written so that an amplitude that is no number stops, too.
-                    if not power[t, lane] < power_limit:
-                        active[t, lane] = 0.0
+            update(t, n_modes, power_limit, u, d, active, power, passages)
+            if ti.static(s.dtype != u.dtype):
+                for k in range(n_modes):
+                    for lane in range(LANES):
+                        s[t, k, 0, lane] = ti.cast(u[t, k, 0, lane], s.dtype)
+                        s[t, k, 1, lane] = ti.cast(u[t, k, 1, lane], s.dtype)

@@ -15,7 +15,7 @@ import numpy as np
 from mcsettle.case import Case, Outcome
 from mcsettle.clock import daily_weights
 from mcsettle.jump import Growth, cycle_jump, exact_growth, spectral_growth
-from mcsettle.march import Loads, PointwiseLoads, day_loads, march, pointwise_day_loads
+from mcsettle.march import Loads, Marching, PointwiseLoads, day_loads, march, pointwise_day_loads
 from mcsettle.passage import mode_numbers
 from mcsettle.pointwise import pointwise_growth, pointwise_load
 from mcsettle.roughness import roughness
@@ -88,6 +88,8 @@ class Engine:
         factor: np.ndarray | None = None,
         tick: Callable[[float], None] | None = None,
         ground_days: np.ndarray | None = None,
+        begun: Marching | None = None,
+        keep: Callable[[Callable[[], Marching]], None] | None = None,
     ) -> Outcome:
         """Run realisations until they reach the limit or the horizon.
 
@@ -99,6 +101,8 @@ class Engine:
         tick : called with the day reached (not by the cycle jump)
         ground_days : [R] days of this traffic that sub-ballast and ground have had before day 0, while
             the ballast begins anew (cycle jump only); default 0
+        begun, keep : go on from a march, and what is shown the march after each launch
+            (``march.march``; not by the cycle jump)
 
         Returns
         -------
@@ -114,7 +118,7 @@ class Engine:
             raise ValueError(
                 "a factor or days of the ground for each realisation need stepping 'cycle_jump'"
             )
-        return march(self.case, amplitudes, days, self.loads, self.measure, tick)
+        return march(self.case, amplitudes, days, self.loads, self.measure, tick, begun, keep)
 
 
 def expansion_error(case: Case, amplitudes: np.ndarray) -> float:

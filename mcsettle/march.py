@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 class Loads:
     """The updates of one day and the forms they apply: A loads, G groups.
 
-    ``form`` [A, G, K + P + M, 2], ``constant`` [A, G] and ``mean`` [A, G, K] as the kernel takes them.
+    ``form`` [A, G, K + P + M, 2], ``constant`` [A, G] and ``mean`` [A, G, K] as the kernel takes them;
+    ``precision`` of the arithmetic, "f64" or "f32" (the state is f64 in both).
     """
 
     plan: DayPlan
@@ -32,17 +33,35 @@ class Loads:
     form: np.ndarray
     constant: np.ndarray
     mean: np.ndarray
+    precision: str = "f64"
 
     def begin(self, amplitudes: np.ndarray, power_limit: float) -> "March":
         """Realisations [R, K] ready to march."""
         from mcsettle.kernels.march import March
 
-        return March(amplitudes, power_limit, tables(self.pairs), self.constant.shape[1])
+        n_groups = self.constant.shape[1]
+        return March(amplitudes, power_limit, tables(self.pairs), n_groups, self.precision)
 
     @property
     def coefficients(self) -> tuple[np.ndarray, ...]:
         """What ``March.advance`` takes beside the updates."""
         return self.form, self.constant, self.mean
+
+
+@dataclass(frozen=True)
+class Marching:
+    """A march between two launches, enough to go on from to the last bit.
+
+    ``done`` updates of the timetable; of R realisations ``amplitudes`` complex [R, K] m, ``active`` [R]
+    below the limit, ``updates`` [R] applied, ``uniform`` [R] settlement, m, ``history`` [R, H] m.
+    """
+
+    done: int
+    amplitudes: np.ndarray
+    active: np.ndarray
+    updates: np.ndarray
+    uniform: np.ndarray
+    history: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -61,11 +80,12 @@ class PointwiseLoads:
         return PointwiseMarch(amplitudes, power_limit, pointwise_tables(self.load), n_groups)
 
 
-def day_loads(case: Case, pairs: ModePairs, by_train: bool) -> Loads:
+def day_loads(case: Case, pairs: ModePairs, by_train: bool, precision: str = "f64") -> Loads:
     """Fold the coefficients of every axle of every service, or of every train."""
     forms = _forms(case, pairs, by_train)
     parts = zip(*((f.packed(), f.constant, f.mean) for f in forms), strict=True)
-    return Loads(day_plan(case, by_train), pairs, *(np.stack(part) for part in parts))
+    stacks = (np.stack(part) for part in parts)
+    return Loads(day_plan(case, by_train), pairs, *stacks, precision=precision)
 
 
 def pointwise_day_loads(case: Case) -> PointwiseLoads:
@@ -81,15 +101,25 @@ def march(
     loads: Loads | PointwiseLoads,
     measure: Roughness,
     tick: Callable[[float], None] | None = None,
+    begun: Marching | None = None,
+    keep: Callable[[Callable[[], Marching]], None] | None = None,
 ) -> Outcome:
-    """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``)."""
+    """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``).
+
+    ``keep`` is called after every launch with a function that gives the march as it stands; from such
+    a march, ``begun``, the same call goes on.
+    """
     plan = loads.plan
     state = loads.begin(amplitudes, 2.0 * case.sd_limit**2)
     history = np.full((len(amplitudes), len(sample_days)), np.nan)
     last = int(np.floor(case.horizon * len(plan.load)))
     sample_at = np.rint(sample_days * len(plan.load)).astype(np.int64)
     done = 0
-    for stop in np.union1d(sample_at[sample_at < last], [last]):
+    if begun is not None:
+        state.restore(begun.amplitudes, begun.active, begun.updates, begun.uniform)
+        history[:], done = begun.history, begun.done
+    stops = np.union1d(sample_at[sample_at < last], [last])
+    for stop in stops[stops >= done]:
         while done < stop and state.any_active():
             count = int(min(stop - done, state.burst_size()))
             updates = update_weights(case, plan, done, count)
@@ -97,9 +127,22 @@ def march(
             done += count
             if tick is not None:
                 tick(done / len(plan.load))
+            if keep is not None:
+                keep(lambda: _marching(state, done, history))  # noqa: B023 (called at once)
         alive, at = state.is_active(), np.flatnonzero(sample_at == stop)
         history[np.ix_(alive, at)] = measure.sd(state.amplitudes()[alive])[:, None]
     return _outcome(case, plan, state, amplitudes, history, measure)
+
+
+def _marching(state: "March", done: int, history: np.ndarray) -> Marching:
+    return Marching(
+        done,
+        state.amplitudes(),
+        state.is_active(),
+        state.updates(),
+        state.uniform(),
+        history.copy(),
+    )
 
 
 def _outcome(

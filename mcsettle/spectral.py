@@ -79,18 +79,7 @@ def axle_form(
     transfer: TransferFunctions, axle: int, model: SettlementModel, pairs: ModePairs
 ) -> SettlementForm:
     """Second-order form of one axle of ``transfer`` (units: SettlementForm)."""
-    grid = transfer.grid
-    mean = mean_state(transfer.quasi_static[axle], transfer.geostatic, model.stress)
-    p0 = DEVIATOR @ mean
-    response = np.einsum("dc,kcz->kdz", DEVIATOR, transfer.dynamic[axle])
-    parts = []
-    for layer in model.settling_layers:
-        law = model.laws[layer]
-        assert law is not None
-        here = grid.layer == layer
-        weight = strain_scale(law) * grid.weights[here]
-        parts.append(_layer_form(p0[:, here], response[:, :, here], weight, law.exponent, pairs))
-    return SettlementForm(*(np.stack(column) for column in zip(*parts, strict=True)))
+    return train_form(transfer, model, pairs, np.array([axle]))
 
 
 def train_form(
@@ -100,12 +89,22 @@ def train_form(
     axles: np.ndarray | None = None,
 ) -> SettlementForm:
     """Form of a whole train (or of some of its ``axles``) at a frozen profile: the sum over axles."""
+    grid = transfer.grid
     which = np.arange(len(transfer.quasi_static)) if axles is None else axles
-    forms = (axle_form(transfer, int(j), model, pairs) for j in which)
-    total = next(forms)
-    for form in forms:
-        total = SettlementForm(*(a + b for a, b in zip(_arrays(total), _arrays(form), strict=True)))
-    return total
+    means = [mean_state(transfer.quasi_static[j], transfer.geostatic, model.stress) for j in which]
+    p0 = np.einsum("dc,jcz->djz", DEVIATOR, np.stack(means))
+    parts = []
+    for layer in model.settling_layers:
+        law = model.laws[layer]
+        assert law is not None
+        here = grid.layer == layer
+        stresses = transfer.dynamic[which][..., here].transpose(1, 2, 0, 3)  # [K, 4, J, Z]
+        weight = np.tile(strain_scale(law) * grid.weights[here], len(which))
+        response = DEVIATOR @ stresses.reshape(*stresses.shape[:2], -1)
+        parts.append(
+            _layer_form(p0[..., here].reshape(3, -1), response, weight, law.exponent, pairs)
+        )
+    return SettlementForm(*(np.stack(column) for column in zip(*parts, strict=True)))
 
 
 def growth(
@@ -168,7 +167,10 @@ def tables(pairs: ModePairs) -> tuple[np.ndarray, ...]:
 def _layer_form(
     p0: np.ndarray, response: np.ndarray, weight: np.ndarray, m: float, pairs: ModePairs
 ) -> tuple[np.ndarray, ...]:
-    """Form of one layer: mean deviator p0 [3, Z], response [K, 3, Z], weight [Z], exponent m."""
+    """Form of one layer: mean deviator p0 [3, Z], response [K, 3, Z], weight [Z], exponent m.
+
+    Z: its depths, below every axle that counts.
+    """
     q2 = np.sum(p0**2, axis=0)
     first = weight * (m / 2.0) * q2 ** (m / 2.0 - 1.0)
     second = weight * (m / 2.0) * (m / 2.0 - 1.0) / 2.0 * q2 ** (m / 2.0 - 2.0)
