@@ -5,7 +5,7 @@ timetable order; "every_train" freezes it over each train; "cycle_jump" integrat
 once. Two right-hand sides of one meaning: "spectral", the second-order form (exact where m = 2), and
 "pointwise", every x and depth (not with "every_train"; slower, for checking).
 
-Depends on: case, clock, jump, march, passage, pointwise, roughness, spectral, mcsettle.kernels.
+Depends on: case, jump, march, passage, roughness, spectral, mcsettle.kernels.
 """
 
 from collections.abc import Callable
@@ -13,16 +13,15 @@ from collections.abc import Callable
 import numpy as np
 
 from mcsettle.case import Case, Outcome
-from mcsettle.clock import daily_weights
 from mcsettle.jump import Growth, cycle_jump, exact_growth, spectral_growth
 from mcsettle.march import Loads, Marching, PointwiseLoads, day_loads, march, pointwise_day_loads
 from mcsettle.passage import mode_numbers
-from mcsettle.pointwise import pointwise_growth, pointwise_load
 from mcsettle.roughness import roughness
-from mcsettle.spectral import growth, mode_pairs, train_form
+from mcsettle.spectral import mode_pairs
 
 STEPPINGS = ("cycle_jump", "every_axle", "every_train")
 RIGHT_HAND_SIDES = ("spectral", "pointwise")
+PRECISIONS = ("f64", "f32")
 TOLERANCE = 1e-7
 
 
@@ -35,6 +34,8 @@ class Engine:
     stepping : one of ``STEPPINGS``
     right_hand_side : one of ``RIGHT_HAND_SIDES``
     tolerance : of the cycle jump, relative to the amplitudes, per step
+    precision : of the arithmetic of updates passage by passage or train by train with the spectral
+        right-hand side, one of ``PRECISIONS``; the state is in double precision always
     threads : Taichi threads (None: all cores)
 
     Raises
@@ -49,11 +50,19 @@ class Engine:
         right_hand_side: str = "spectral",
         tolerance: float = TOLERANCE,
         threads: int | None = None,
+        precision: str = "f64",
     ) -> None:
         if stepping not in STEPPINGS or right_hand_side not in RIGHT_HAND_SIDES:
             raise ValueError(
                 f"stepping '{stepping}' with right-hand side '{right_hand_side}'; "
                 f"choose from {STEPPINGS} and {RIGHT_HAND_SIDES}"
+            )
+        if precision not in PRECISIONS:
+            raise ValueError(f"precision '{precision}'; choose from {PRECISIONS}")
+        if precision != "f64" and (stepping == "cycle_jump" or right_hand_side == "pointwise"):
+            raise ValueError(
+                f"precision '{precision}' takes the spectral right-hand side and stepping "
+                "'every_axle' or 'every_train'"
             )
         from mcsettle.kernels import runtime
 
@@ -79,7 +88,7 @@ class Engine:
                 )
             self.loads = pointwise_day_loads(case)
         else:
-            self.loads = day_loads(case, pairs, by_train=stepping == "every_train")
+            self.loads = day_loads(case, pairs, stepping == "every_train", precision)
 
     def run(
         self,
@@ -120,25 +129,3 @@ class Engine:
             )
         return march(self.case, amplitudes, days, self.loads, self.measure, tick, begun, keep)
 
-
-def expansion_error(case: Case, amplitudes: np.ndarray) -> float:
-    """Relative error of the second-order form, against every x and depth, on a sample.
-
-    The sample is the middle car of every service, at the start. Largest over the services and the
-    realisations [R, K] of max|ΔU − ΔU_pointwise| / max|ΔU_pointwise|. Nothing but rounding where every
-    settlement exponent is 2.
-    """
-    pairs = mode_pairs(mode_numbers(case.transfers[0].wavenumbers, case.window))
-    weights = daily_weights(case, np.zeros(len(amplitudes)))
-    n_groups, worst = len(case.model.group_laws), 0.0
-    for s, transfer in enumerate(case.transfers):
-        own = weights[:, s * n_groups : (s + 1) * n_groups]
-        middle = 4 * (len(transfer.quasi_static) // 8)
-        axles = np.arange(middle, min(middle + 4, len(transfer.quasi_static)))
-        form = train_form(transfer, case.model, pairs, axles)
-        fast, _ = growth(form, amplitudes, own, pairs)
-        load = pointwise_load(transfer, case.model, case.window)
-        slow, _ = pointwise_growth(load, axles, amplitudes, own)
-        error = np.max(np.abs(fast - slow), axis=1) / np.max(np.abs(slow), axis=1)
-        worst = max(worst, float(np.max(error)))
-    return worst

@@ -92,6 +92,6 @@ def step_b_key(study: Study, variant: str, scenario: str) -> str:
         study.profile,
         study.limit,
         study.seed,
-        (run.stepping, run.right_hand_side, run.history_days),
+        (run.stepping, run.right_hand_side, run.precision, run.history_days),
     )
     return hashlib.sha256("\n".join(map(repr, parts)).encode()).hexdigest()

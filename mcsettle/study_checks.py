@@ -377,8 +377,19 @@ def _speeds(parts: Parts) -> Iterator[Fault]:
 
 
 def _stepping(parts: Parts) -> Iterator[Fault]:
-    """What updating passage by passage does not do."""
-    if parts.run is None or parts.run.stepping == "cycle_jump":
+    """What single precision, and updating passage by passage, do not do."""
+    if parts.run is None:
+        return
+    run = parts.run
+    if run.precision != "f64" and (
+        run.stepping == "cycle_jump" or run.right_hand_side == "pointwise"
+    ):
+        yield Fault(
+            "run.precision",
+            f"received '{run.precision}'; takes stepping 'every_axle' or 'every_train' and "
+            "right_hand_side = 'spectral'",
+        )
+    if run.stepping == "cycle_jump":
         return
     given = f"received '{parts.run.stepping}'"
     if parts.profile is not None and parts.profile.window_m >= LONG_WINDOW:

@@ -278,6 +278,7 @@ class RunTable(Table):
     parameter_sets: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     stepping: Literal["cycle_jump", "every_axle", "every_train"] = "cycle_jump"
     right_hand_side: Literal["spectral", "pointwise"] = "spectral"
+    precision: Literal["f64", "f32"] = "f64"
     history_days: Annotated[tuple[u.Days, ...], Field(max_length=1000)] = (
         0.0, 30.0, 91.0, 182.0, 365.0, 730.0, 1095.0, 1825.0, 3650.0,
     )  # fmt: skip

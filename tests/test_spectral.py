@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import toy
 
-from mcsettle.engine import expansion_error
+from mcsettle.expansion import expansion_error
 from mcsettle.passage import in_band, mode_numbers, settlement_of_passage
 from mcsettle.settlement import cycle_increment
 from mcsettle.spectral import axle_form, growth, mode_pairs, stacked, train_form
