@@ -167,6 +167,35 @@ def run(
 
 @app.command()
 @plainly
+def plan(
+    study: StudyFile,
+    realisations: Annotated[int | None, typer.Option(min=1, help="Tracks to simulate.")] = None,
+    parameter_sets: Annotated[
+        int | None, typer.Option(min=1, help="Draws of the uncertain inputs.")
+    ] = None,
+    threads: Threads = None,
+    batch: Annotated[int | None, typer.Option(min=1, help="Realisations at a time.")] = None,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="Update the profile after every axle passage.")
+    ] = False,
+    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Say what a run will take: realisations, memory, disk, time, from a short probe."""
+    from mcsettle.study import load_study
+
+    loaded = load_study(study)
+    for warning in loaded.warnings:
+        talk(f"warning: {warning}")
+    from mcsettle.cli.planning import plan_json, plan_text
+    from mcsettle.plan import plan as plan_of
+
+    asked = loaded.with_run(realisations, None, "every_axle" if exact else None, parameter_sets)
+    found = plan_of(asked, threads, batch, Progress(), cores())
+    typer.echo(plan_json(found) if json_output else plan_text(found))
+
+
+@app.command()
+@plainly
 def status(
     folder: Folder,
     json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

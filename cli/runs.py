@@ -1,6 +1,7 @@
 """``mcsettle run``, ``status``, ``gather``: what they call, and what they say.
 
-Depends on: closing, cluster, errors, files, lock, pipeline, shards, study (types), cli.batches, cli.edge.
+Depends on: closing, cluster, errors, files, lock, pipeline, shards, study (types), cli.batches,
+cli.edge, cli.planning, mcsettle.kernels.
 """
 
 import json
@@ -38,6 +39,9 @@ def run(
         from mcsettle.shards import parse_slice
 
         options["shards"] = parse_slice(part)
+    # Taichi's import looks at every module there is: it comes before the others.
+    import mcsettle.kernels.runtime  # noqa: F401
+
     if scheduler is not None:
         from mcsettle.cluster import run_distributed
 
@@ -45,6 +49,8 @@ def run(
     elif until is None and max_minutes is None:
         from mcsettle.pipeline import run_study
 
+        if part is None and not place(out).exists():
+            _tell_plan(study, options)
         finished = run_study(study, where, **options)
     else:
         from mcsettle.cli.batches import run_in_batches
@@ -61,6 +67,18 @@ def run(
     tell_failed(getattr(finished, "n_failed", 0))
     if missed:
         raise typer.Exit(MISSED)
+
+
+def _tell_plan(study: "Study", options: dict[str, Any]) -> None:
+    from mcsettle.cli.planning import tell_plan
+
+    asked = study.with_run(
+        options["realisations"],
+        options["seed"],
+        "every_axle" if options["exact"] else None,
+        options["parameter_sets"],
+    )
+    tell_plan(asked, options["threads"], options["batch"])
 
 
 def tell_failed(n_failed: int) -> None:

@@ -22,7 +22,8 @@ from mcsettle.spectral import mode_pairs
 STEPPINGS = ("cycle_jump", "every_axle", "every_train")
 RIGHT_HAND_SIDES = ("spectral", "pointwise")
 PRECISIONS = ("f64", "f32")
-TOLERANCE = 1e-7
+TOLERANCE = 1e-6
+FORESEEN = 1e-4  # tolerance of the days that progress is counted in
 
 
 class Engine:
@@ -68,14 +69,14 @@ class Engine:
 
         runtime.start(threads)
         wavenumbers = case.transfers[0].wavenumbers
-        pairs = mode_pairs(mode_numbers(wavenumbers, case.window))
+        self.pairs = mode_pairs(mode_numbers(wavenumbers, case.window))
         self.case, self.tolerance = case, tolerance
         self.measure = roughness(wavenumbers, case.window)
         self.law: Growth | None = None
         self.loads: Loads | PointwiseLoads | None = None
         if stepping == "cycle_jump":
             exact = right_hand_side == "pointwise"
-            self.law = exact_growth(case) if exact else spectral_growth(case, pairs)
+            self.law = exact_growth(case) if exact else spectral_growth(case, self.pairs)
         elif self.measure.basis is not None:
             raise ValueError(
                 "updating passage by passage takes a window below 400 m; use stepping 'cycle_jump'"
@@ -88,14 +89,14 @@ class Engine:
                 )
             self.loads = pointwise_day_loads(case)
         else:
-            self.loads = day_loads(case, pairs, stepping == "every_train", precision)
+            self.loads = day_loads(case, self.pairs, stepping == "every_train", precision)
 
     def run(
         self,
         amplitudes: np.ndarray,
         sample_days: np.ndarray,
         factor: np.ndarray | None = None,
-        tick: Callable[[float], None] | None = None,
+        tick: Callable[[int, int], None] | None = None,
         ground_days: np.ndarray | None = None,
         begun: Marching | None = None,
         keep: Callable[[Callable[[], Marching]], None] | None = None,
@@ -107,7 +108,7 @@ class Engine:
         amplitudes : complex [R, K], initial profile amplitudes, m
         sample_days : [H] rising days at which the SD is recorded
         factor : [R] multiplies ``settlement_factor`` (cycle jump only); default 1
-        tick : called with the day reached (not by the cycle jump)
+        tick : called with the axle passages done and foreseen (not by the cycle jump)
         ground_days : [R] days of this traffic that sub-ballast and ground have had before day 0, while
             the ballast begins anew (cycle jump only); default 0
         begun, keep : go on from a march, and what is shown the march after each launch
@@ -127,5 +128,20 @@ class Engine:
             raise ValueError(
                 "a factor or days of the ground for each realisation need stepping 'cycle_jump'"
             )
-        return march(self.case, amplitudes, days, self.loads, self.measure, tick, begun, keep)
+        by_day = None if tick is None else self._counted(amplitudes, tick)
+        return march(self.case, amplitudes, days, self.loads, self.measure, by_day, begun, keep)
 
+    def _counted(
+        self, amplitudes: np.ndarray, tick: Callable[[int, int], None]
+    ) -> Callable[[float], None]:
+        """``tick`` as a function of the day, by the days that a cycle jump foresees."""
+        case, law = self.case, spectral_growth(self.case, self.pairs)
+        outcome = cycle_jump(case, amplitudes, np.zeros(0), law, self.measure, FORESEEN)
+        last = np.where(outcome.reached, outcome.days, case.horizon)
+        total = int(last.sum() * case.timetable.passages_per_day)
+
+        def by_day(day: float) -> None:
+            done = int(np.minimum(last, day).sum() * case.timetable.passages_per_day)
+            tick(done, max(done, total))
+
+        return by_day

@@ -25,7 +25,7 @@ def expansion_error(case: Case, amplitudes: np.ndarray) -> float:
     """Relative error of the second-order form, against every x and depth, on a sample.
 
     The sample is the middle car of every service. Largest over the services and the realisations
-    [R, K] of max|ΔU − ΔU_exact| / max|ΔU_exact|. Nothing but rounding where every settlement exponent is 2.
+    [R, K] of max|ΔU − ΔU_exact| / max|ΔU_exact|. Nothing but rounding where every exponent is 2.
     """
     pairs = mode_pairs(mode_numbers(case.transfers[0].wavenumbers, case.window))
     weights = daily_weights(case, np.zeros(len(amplitudes)))

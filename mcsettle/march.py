@@ -83,9 +83,9 @@ class PointwiseLoads:
 def day_loads(case: Case, pairs: ModePairs, by_train: bool, precision: str = "f64") -> Loads:
     """Fold the coefficients of every axle of every service, or of every train."""
     forms = _forms(case, pairs, by_train)
-    parts = zip(*((f.packed(), f.constant, f.mean) for f in forms), strict=True)
-    stacks = (np.stack(part) for part in parts)
-    return Loads(day_plan(case, by_train), pairs, *stacks, precision=precision)
+    form = np.stack([f.packed() for f in forms])
+    constant, mean = (np.stack([getattr(f, name) for f in forms]) for name in ("constant", "mean"))
+    return Loads(day_plan(case, by_train), pairs, form, constant, mean, precision)
 
 
 def pointwise_day_loads(case: Case) -> PointwiseLoads:

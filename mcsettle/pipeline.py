@@ -213,7 +213,7 @@ def _provenance(study: Study, prepared: StepA, size: int) -> store.Provenance:
         transfer_digest=prepared.digest,
         seed=study.seed,
         taichi_version=runtime.version(),
-        precision="f64",
+        precision=study.run.precision,
         lanes=spectral.LANES,
         shard_realisations=size,
     )

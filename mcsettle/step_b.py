@@ -3,8 +3,8 @@
 Parameter sets cost what they touch: sets that differ in money alone share the rows of Step B, and
 Step A is computed once for all sets that agree on what it depends on.
 
-Depends on: case, draws, engine, errors, place, ledger, roughness, rows, scene, shards, step_a, store,
-study.
+Depends on: case, draws, engine, errors, expansion, place, pointwise, ledger, roughness, rows, scene,
+shards, step_a, store, study.
 """
 
 import contextlib
@@ -19,11 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from mcsettle import engine, ledger, rows, store
+from mcsettle import engine, expansion, ledger, rows, store
 from mcsettle.case import Case, Outcome
 from mcsettle.draws import ParameterSet
-from mcsettle.errors import NumericalError
+from mcsettle.errors import InputError, NumericalError
 from mcsettle.place import Folder, Place
+from mcsettle.pointwise import LARGEST_EXPONENT
 from mcsettle.roughness import roughness
 from mcsettle.scene import build_case, initial_profiles, sample_days, step_b_key
 from mcsettle.shards import Shard
@@ -31,8 +32,7 @@ from mcsettle.step_a import Progress, Shelf, StepA, step_a, study_wavenumbers
 from mcsettle.study import Study
 
 BATCH = 2048  # realisations at a time, unless a run says otherwise
-CHECKED_REALISATIONS = 4
-CHECKED_SETS = 4
+CHECKED = range(2)  # realisations on which the second-order form is checked, in every run
 LOGS = ".log"
 
 
@@ -129,17 +129,18 @@ def _copy(job: Job, member: ParameterSet, twin: int, shard: Shard) -> bool:
 
 def advance(job: Job, member: ParameterSet, case: Case, todo: Iterable[Shard]) -> None:
     """Compute shards of one parameter set, variant and scenario."""
-    machine = engine_for(job, member, case)
-    for n, shard in enumerate(todo):
-        if n == 0 and member.index < CHECKED_SETS:
-            job.remarks += _check_expansion(member, case, shard)
+    machine = None
+    for shard in todo:
+        machine = machine or engine_for(job, member, case, shard)
         write_computed(job, member, machine, shard)
 
 
-def engine_for(job: Job, member: ParameterSet, case: Case) -> engine.Engine:
-    """The engine of one parameter set, variant and scenario."""
+def engine_for(job: Job, member: ParameterSet, case: Case, shard: Shard) -> engine.Engine:
+    """The engine of one parameter set, variant and scenario, those of ``shard``; remarks to ``job``."""
     run = member.study.run
-    return engine.Engine(case, run.stepping, run.right_hand_side, threads=job.threads)
+    side, remarks = _right_hand_side(member, case, shard)
+    job.remarks += remarks
+    return engine.Engine(case, run.stepping, side, threads=job.threads, precision=run.precision)
 
 
 def write_computed(job: Job, member: ParameterSet, machine: engine.Engine, shard: Shard) -> None:
@@ -176,12 +177,12 @@ def _batch(
     job: Job, member: ParameterSet, machine: engine.Engine, shard: Shard, first: int
 ) -> tuple[range, Outcome]:
     """Advance the next batch; where memory does not suffice, once, a quarter of it from then on."""
-    study, horizon = member.study, int(machine.case.horizon)
+    study = member.study
 
-    def tick(day: float) -> None:
+    def tick(done: int, total: int) -> None:
         if job.progress is not None:
-            text = f"Step B: {shard.variant} {shard.scenario}, day"
-            job.progress(text, min(int(day), horizon), horizon)
+            text = f"Step B: {shard.variant} {shard.scenario}, axle passages"
+            job.progress(text, done, total)
 
     for last_try in (False, True):
         part = range(first, min(first + (job.batch or BATCH), shard.indices.stop))
@@ -218,20 +219,32 @@ def _begun(job: Job, shard: Shard) -> tuple[int, list[dict[str, Any]], list[dict
     return shard.first, [], []
 
 
-def _check_expansion(member: ParameterSet, case: Case, shard: Shard) -> list[str]:
-    """Compare the second-order form with every x and depth on fixed indices; a remark if it is off."""
-    study = member.study
-    if study.run.right_hand_side != "spectral":
-        return []
-    n = min(CHECKED_REALISATIONS, study.run.realisations)
-    rough = engine.expansion_error(case, initial_profiles(study, range(n), shard.variant))
-    if rough <= 3e-3:
-        return []
+def _right_hand_side(member: ParameterSet, case: Case, shard: Shard) -> tuple[str, list[str]]:
+    """What to compute a scenario with, and a remark if the second-order form will not do.
+
+    Raises
+    ------
+    InputError
+        It will not do, and what the study asks for has nothing to fall back to.
+    """
+    run = member.study.run
+    if run.right_hand_side != "spectral":
+        return run.right_hand_side, []
+    error = expansion.worst_error(case, initial_profiles(member.study, CHECKED, shard.variant))
+    if error <= expansion.LARGEST_ERROR:
+        return "spectral", []
     where = f", parameter set {member.index}" if member.values else ""
-    return [
-        f"{shard.variant} {shard.scenario}{where}: the second-order form is off by {rough:.1%} of "
-        'the growth; set [run] right_hand_side = "pointwise"'
-    ]
+    text = (
+        f"{shard.variant} {shard.scenario}{where}: the second-order form is off by {error:.1%} of "
+        "the growth"
+    )
+    exponent = max(law.exponent for law in case.model.group_laws)
+    if run.stepping == "every_train" or run.precision != "f64" or exponent > LARGEST_EXPONENT:
+        raise InputError(
+            f"{text}; every x and depth instead takes stepping 'every_axle' or 'cycle_jump', "
+            f"precision 'f64' and exponents up to {LARGEST_EXPONENT:g}"
+        )
+    return "pointwise", [f'{text}; computed at every x and depth (right_hand_side = "pointwise")']
 
 
 def failed_tables(member: ParameterSet, shard: Shard, reason: str) -> dict[str, dict[str, Any]]:

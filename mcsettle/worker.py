@@ -69,7 +69,8 @@ class Bench:
             case = build_case(
                 member.study, self.prepared[shard.member], shard.variant, shard.scenario
             )
-            self.engine, self.group = step_b.engine_for(self.job, member, case), shard.group
+            self.engine = step_b.engine_for(self.job, member, case, shard)
+            self.group = shard.group
         return self.engine
 
     def _step_a(self, member: ParameterSet) -> StepA:

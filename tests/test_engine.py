@@ -376,14 +376,15 @@ def test_realisations_over_the_limit_at_the_start_take_no_time():
 
 
 def test_ticks_rise_to_the_end():
-    seen: list[float] = []
+    seen: list[tuple[int, int]] = []
     case = toy.case(shortest=8.0, horizon=1.0)
     Engine(case, "every_axle").run(
-        toy.profiles(range(2), shortest=8.0), np.array([0.5]), tick=seen.append
+        toy.profiles(range(2), shortest=8.0), np.array([0.5]), tick=lambda *now: seen.append(now)
     )
     assert seen == sorted(seen)
-    assert 0.5 in seen
-    assert seen[-1] == 1.0
+    per_day = case.timetable.passages_per_day
+    assert (per_day, 2 * per_day) in seen  # half a day of both tracks
+    assert seen[-1] == (2 * per_day, 2 * per_day)
 
 
 def test_impossible_combinations_are_refused():

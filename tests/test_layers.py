@@ -66,7 +66,7 @@ LAYERS = (
     ("validate_case", "validate_closed", "validate_section", "validate", "convergence"),
     ("kernels",),
     ("passage", "spectral", "pointwise", "clock", "case"),
-    ("march", "jump", "engine"),
+    ("march", "jump", "engine", "expansion"),
     ("views",),
     ("figures",),
     (
@@ -106,6 +106,7 @@ LAYERS = (
         "inference",
         "tornado",
         "stopping",
+        "plan",
         "life",
         "ground_report",
         "forecast",

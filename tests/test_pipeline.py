@@ -315,12 +315,28 @@ def test_failed_rows_are_told_and_kept(study, tmp_path, monkeypatch):
     assert table(tmp_path, "effects")["status"].tolist() == ["paired", "failed", "paired"]
 
 
-def test_a_crude_expansion_is_remarked_on(tmp_path):
-    """Very rough track: the second-order form is off by more than 0.3 % and the run says so."""
-    study = toy.study(profile={"sd_mm": 30.0}, limit={"sd_limit_mm": 31.0}, run={"realisations": 2})
-    remarks = run_study(study, tmp_path).remarks
+def test_a_crude_expansion_falls_back_to_every_x_and_depth(tmp_path):
+    """Very rough track: the second-order form is off by more than 0.3 %; the run says what it did."""
+    rough = {"profile": {"sd_mm": 30.0}, "limit": {"sd_limit_mm": 31.0}}
+    remarks = run_study(toy.study(**rough, run={"realisations": 2}), tmp_path / "a").remarks
     assert len(remarks) == 2
     assert 'right_hand_side = "pointwise"' in remarks[0]
+    asked = toy.study(**rough, run={"realisations": 2, "right_hand_side": "pointwise"})
+    assert not run_study(asked, tmp_path / "b").remarks
+    fallen, wanted = (
+        table(tmp_path / part, "realisations", "v225")["tamping_interval_days"] for part in "ab"
+    )
+    np.testing.assert_array_equal(fallen, wanted)
+
+
+def test_a_crude_expansion_with_nothing_to_fall_back_to_is_refused(tmp_path):
+    study = toy.study(
+        profile={"sd_mm": 30.0},
+        limit={"sd_limit_mm": 31.0},
+        run={"realisations": 2, "stepping": "every_train"},
+    )
+    with pytest.raises(InputError, match=r"off by .* every x and depth instead takes"):
+        run_study(study, tmp_path)
 
 
 def test_progress_covers_both_steps(tmp_path, fresh_cache, monkeypatch):

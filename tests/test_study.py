@@ -515,6 +515,7 @@ def test_any_file_is_refused_in_words(tmp_path: Path, content: bytes) -> None:
     ("changes", "words"),
     [
         ((("run.stepping", "every_axle"), ("profile.window_m", 400.0)), "take 'cycle_jump'"),
+        ((("run.precision", "f32"),), "takes stepping 'every_axle'"),
         (
             (("run.stepping", "every_train"), ("run.right_hand_side", "pointwise")),
             "right_hand_side = 'pointwise' takes 'every_axle'",
