@@ -63,6 +63,7 @@ types: env
 	cd build/types && "$(abspath $(BIN))/mypy" --config-file ../../pyproject.toml -p mcsettle
 
 bench: env
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[bench]"
 	$(BIN)/python studies/benchmark.py
 
 clean:

@@ -40,8 +40,8 @@ def command(*arguments: str | Path, cwd: Path | None = None) -> subprocess.Compl
 def test_help_names_every_command() -> None:
     done = invoke("--help")
     assert done.exit_code == 0
-    for verb in ("init", "check", "schema", "run", "summarise", "calibrate", "tornado", "track",
-                 "profile", "life", "grounds", "validate", "doctor"):  # fmt: skip
+    for verb in ("init", "check", "schema", "run", "plan", "summarise", "calibrate", "tornado",
+                 "track", "profile", "life", "grounds", "validate", "doctor"):  # fmt: skip
         assert verb in done.stdout
 
 

@@ -74,7 +74,7 @@ def test_train_is_the_sum_of_its_axles():
     two = [axle_form(transfer, j, model, PAIRS) for j in (2, 7)]
     for field in fields(some):
         parts = [getattr(form, field.name) for form in two]
-        np.testing.assert_array_equal(getattr(some, field.name), parts[0] + parts[1])
+        np.testing.assert_allclose(getattr(some, field.name), parts[0] + parts[1], rtol=1e-12)
 
 
 def test_groups_stand_side_by_side():
