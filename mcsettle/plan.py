@@ -65,9 +65,15 @@ def plan(
     pairs = [(v, s) for v in study.variant_names for s in study.scenario_names]
     n, n_sets = study.run.realisations, study.n_sets
     taken = pairs[:: math.ceil(len(pairs) / MOST_PROBES)]
-    profiles = initial_profiles(study, range(min(PROBED, n)))
+    tracks = range(min(PROBED, n))
     probes = [
-        _probe(study, build_case(study, prepared, *pair), profiles, threads) for pair in taken
+        _probe(
+            study,
+            build_case(study, prepared, *pair),
+            initial_profiles(study, tracks, pair[0]),
+            threads,
+        )
+        for pair in taken
     ]
     seconds, passages = np.mean(probes, axis=0)
     rows = n * len(pairs) * n_sets

@@ -46,7 +46,7 @@ def outcome_of(stepping: str, out: Path, n: int) -> dict[str, np.ndarray]:
         study = load_study(STUDY)
         case = build_case(study, step_a(study), VARIANT, SCENARIO)
         saved = Saved(out / f"{stepping}-{n}.part.npz")
-        outcome = run(case, stepping, initial_profiles(study, range(n)), saved)
+        outcome = run(case, stepping, initial_profiles(study, range(n), VARIANT), saved)
         wall, cpu = saved.spent()
         np.savez(path, days=outcome.days, passages=outcome.passages, sd=outcome.sd_final,
                  reached=outcome.reached, wall=wall, cpu=cpu)  # fmt: skip
