@@ -158,9 +158,9 @@ def test_growing_goes_on_from_the_rows_that_are_there(study, tmp_path, monkeypat
     asked = []
     kept = step_b.initial_profiles
 
-    def profiles(study, indices):
+    def profiles(study, indices, variant=None):
         asked.append(indices)
-        return kept(study, indices)
+        return kept(study, indices, variant)
 
     monkeypatch.setattr(step_b, "initial_profiles", profiles)
     run_study(study, tmp_path)
@@ -231,10 +231,22 @@ def test_a_line_costs_the_mean_of_its_sections(study, finished):
     assert by_set.min() < long["value"].iloc[0] < by_set.max()
 
 
-def test_step_a_in_the_sets_of_a_section_track_is_not_scaled_when_the_soil_softens(study):
-    table_ = study.track_table.model_copy(update={"soil": "equivalent_linear"})
-    assert Shelf.of(study.model_copy(update={"track_table": table_})).axle_loads == {}
-    assert Shelf.of(study).axle_loads == {"passenger": 17e3}
+@pytest.mark.parametrize("softens", [False, True])
+def test_axle_loads_are_not_scaled_where_the_soil_softens(study, monkeypatch, softens):
+    """There the load decides the ground, and nothing is in proportion to it."""
+    given, response = [], track_response(study.track(), 5.5)
+    kept = step_a._transfer
+    monkeypatch.setattr(step_a, "track_response", lambda *_: response)
+    if softens:
+        monkeypatch.setattr(step_a, "softened_by", lambda *_: "softened")
+
+    def transfer(*arguments):
+        given.append(arguments[-1])
+        return kept(*arguments)
+
+    monkeypatch.setattr(step_a, "_transfer", transfer)
+    step_a.step_a(study, shelf=Shelf.of(study))
+    assert given == [{} if softens else {"passenger": 17e3}] * 2  # one for each speed
 
 
 @pytest.mark.parametrize(
