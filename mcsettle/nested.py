@@ -294,8 +294,7 @@ def _corrected(
 
     The acceleration is that of the sum of the sets' and the tracks' influences.
     """
-    few = len(others) < 2 or not drawn.alpha > 0.0  # two sets bound nothing
-    if few or not np.isfinite(mean) or np.ptp(others) <= 1e-12 * abs(mean):
+    if not np.isfinite(mean) or len(others) < 2 or np.ptp(others) <= 1e-12 * abs(mean):
         return drawn.alpha, 1.0 - drawn.alpha
     off = np.where(np.isnan(values), 0.0, values - mean)
     influence = np.concatenate([drawn.by_set[0] * (off @ drawn.by_track[0]), drawn.by_set[0] @ off])
