@@ -6,7 +6,7 @@ Depends on: figures.style, irregularity, profile_report.
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter, ScalarFormatter
+from matplotlib.ticker import FuncFormatter, LogFormatter, ScalarFormatter
 
 from mcsettle.figures.style import COLOURS, GREY, legend_outside, look, note, styled
 from mcsettle.irregularity import GERMAN_ROUGHNESS, fra, german, spectrum
@@ -56,6 +56,7 @@ def _spectrum(axes: Axes, report: ProfileReport) -> None:
     axes.loglog(wavelength, fra(k, best.roughness), label="FRA shape, fitted", **look(1))
     axes.xaxis.set_major_formatter(ScalarFormatter())
     axes.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.6)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0e}"))
     axes.set(xlabel="wavelength [m]", ylabel="one-sided spectrum [m²/(rad/m)]", title="Spectrum")
     legend_outside(axes)
 
