@@ -214,7 +214,7 @@ def damaged(folder: Path, rng: random.Random) -> str:
     """Change one thing of a results folder; says what."""
     files = sorted(p for p in folder.rglob("*") if p.is_file() and ".locks" not in p.parts)
     path = rng.choice(files)
-    data = bytearray(path.read_bytes())
+    data = bytearray(path.read_bytes() or b" ")  # it may have been emptied before
     kind = rng.choice(("bit", "bytes", "cut", "grow", "empty", "delete", "copy", "noise", "text"))
     if kind == "bit":
         data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
@@ -232,12 +232,11 @@ def damaged(folder: Path, rng: random.Random) -> str:
     elif kind == "copy":
         data = bytearray(rng.choice(files).read_bytes())
     elif kind == "text" and path.suffix in (".json", ".toml"):
-        text = data.decode()
-        spots = [m.span() for m in re.finditer(r"[0-9]+|\"[^\"]*\"", text)]
+        text = data.decode("utf-8", "replace")  # it may have been damaged before
+        spots = [m.span() for m in re.finditer(r"[0-9]+|\"[^\"]*\"", text)] or [(0, 0)]
         first, last = rng.choice(spots)
-        data = bytearray(
-            (text[:first] + rng.choice(TOKENS) + text[last:]).encode("utf-8", "replace")
-        )
+        text = text[:first] + rng.choice(TOKENS) + text[last:]
+        data = bytearray(text.encode("utf-8", "replace"))
     if kind == "delete":
         path.unlink()
     else:
