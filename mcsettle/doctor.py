@@ -20,7 +20,7 @@ from mcsettle.files import cache_folder
 PYTHON_FROM, PYTHON_BELOW = (3, 11), (3, 14)  # as in pyproject.toml
 LIBRARIES = (
     "numpy", "scipy", "pandas", "pyarrow", "pydantic", "scikit-fem", "matplotlib", "rich",
-    "typer", "pint", "taichi",
+    "typer", "pint", "jinja2", "taichi",
 )  # fmt: skip
 TAICHI = "1.7.4"
 PRECISION = 1e-13  # of the smoke kernel: some hundred roundings of double precision

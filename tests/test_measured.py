@@ -168,22 +168,26 @@ def test_a_run_on_a_record_ends_at_the_limit_and_keeps_the_digest(
     from mcsettle.store import read
     from mcsettle.summary import read_results
 
-    own = study(folder, {"ensemble": "sections"}, sd_mm=1.03).with_run(realisations=6)
+    place = tmp_path / "in"
+    place.mkdir()
+    (place / "record.csv").write_bytes((folder / "record.csv").read_bytes())
+    own = study(place, {"ensemble": "sections"}, sd_mm=1.03).with_run(realisations=6)
     data = own.model_dump(by_alias=True, exclude_none=True)
     own = Study.from_mapping(
-        data | {"limit": {"sd_limit_mm": 1.5, "horizon_years": 2.0}}, folder=folder
+        data | {"limit": {"sd_limit_mm": 1.5, "horizon_years": 2.0}}, folder=place
     )
     finished = run_study(own, tmp_path / "out")
+    before = initial_profiles(own, range(1))
     table = read(finished.folder, "realisations").to_pandas()
     assert set(table["status"]) == {"reached"}
     np.testing.assert_allclose(table["sd_initial_mm"], 1.03, rtol=1e-6)
     days = table[table["scenario"] == "v201"]["tamping_interval_days"]
     assert days.nunique() == 6
-    # The results stand without the record; only drawing its tracks again needs it.
+    # The results keep a copy of the record: its tracks can be drawn again without the study's folder.
+    (place / "record.csv").unlink()
     again = read_results(finished.folder).study
     assert again.digest == own.digest
-    with pytest.raises(InputError, match="does not exist"):
-        initial_profiles(again, range(1))
+    np.testing.assert_array_equal(initial_profiles(again, range(1)), before)
 
 
 def test_the_digest_is_that_of_the_content(folder: Path, tmp_path: Path, track) -> None:
