@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from mcsettle.figures.passage import passage_figure
 from mcsettle.figures.receptance import receptance_figure
+from mcsettle.figures.results import fan_figure
 from mcsettle.figures.section import section_figure, softening_figure
 from mcsettle.figures.slice import slice_figure
 from mcsettle.figures.stress import along_figure, depth_figure, table4_figure
@@ -19,6 +20,7 @@ from mcsettle.figures.vehicles import vehicles_figure
 from mcsettle.track import CASE_STUDY_TRACK
 from mcsettle.views.passage import axle_passage
 from mcsettle.views.receptance import ReceptanceMap
+from mcsettle.views.results import Fan
 from mcsettle.views.section import section_view
 from mcsettle.views.slice import DeflectionSlice
 from mcsettle.views.stress import DepthCurve, StressAlong, layer_weights
@@ -121,3 +123,12 @@ def test_same_numbers_same_bytes(draw, tmp_path: Path) -> None:
     assert ElementTree.fromstring(first[1]).tag.endswith("svg")
     assert b"dc:date" not in first[1]
     assert matplotlib.rcParams["svg.hashsalt"] != "mcsettle"
+
+
+@pytest.mark.parametrize(("last", "drawn"), [(1.75, False), (9.9, True)])
+def test_a_limit_that_no_track_comes_near_does_not_press_the_curves(last, drawn):
+    days = np.array([0.0, 500.0])
+    quantiles = np.array([[1.7, last - 0.1 * (4 - i)] for i in range(5)])
+    axes = fan_figure([Fan("line", days, quantiles, 0.05)], 10.0).axes[0]
+    assert bool(axes.get_ylim()[1] > 10.0) is drawn
+    assert [t.get_text() for t in axes.texts] == ["limit" if drawn else "limit: 10 mm, above"]

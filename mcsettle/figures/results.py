@@ -123,14 +123,30 @@ def draw_fans(axes: Axes, fans: Sequence[Fan], limit: float) -> None:
             axes.fill_between(fan.days, p5, p95, color=COLOURS[0], alpha=0.14, **BAND)
             axes.fill_between(fan.days, p25, p75, color=COLOURS[0], alpha=0.2, **BAND)
         axes.plot(fan.days, p50, label=short(fan.label), **look(index))
-    axes.axhline(limit, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
-    axes.annotate(
-        "limit", (0.99, limit), xycoords=("axes fraction", "data"), ha="right", va="bottom",
-        xytext=(0, 2), textcoords="offset points",
-    )  # fmt: skip
+    if _far_off(fans, limit):  # it would press the curves together
+        axes.annotate(
+            f"limit: {limit:g} mm, above", (0.01, 0.99), xycoords="axes fraction", va="top"
+        )
+    else:
+        axes.axhline(limit, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
+        axes.annotate(
+            "limit", (0.99, limit), xycoords=("axes fraction", "data"), ha="right", va="bottom",
+            xytext=(0, 2), textcoords="offset points",
+        )  # fmt: skip
     axes.margins(y=0.12)
     axes.set(xlabel="days of traffic", ylabel="SD of the profile [mm]")
     finish(axes, "lower right")
+
+
+def _far_off(fans: Sequence[Fan], limit: float) -> bool:
+    """Whether no track comes half the way from its first SD to the limit."""
+    values = [
+        np.asarray(q, dtype=float) for fan in fans for q in (fan.quantiles[2], fan.quantiles[4])
+    ]
+    known = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.empty(0)
+    return bool(known.size) and float(known.max() - known.min()) < 0.5 * (
+        limit - float(known.min())
+    )
 
 
 def draw_survival(axes: Axes, curves: Sequence[Survival]) -> None:
