@@ -269,7 +269,7 @@ def mean(
     """Mean of a sample with its studentised bootstrap interval; ``seed`` fixes the resampling.
 
     Of 30 or 100 exponential values it covers at its rate; bias-corrected percentiles (BCa) fall
-    short by three hundredths there (``studies/coverage.py``).
+    short by three hundredths there (``studies/interval_coverage.py``).
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Every reported interval covers at its rate on ensembles of known truth; wrong estimators do not.
 
-The experiments are those of ``studies/coverage.py``, whose table stands in docs/uncertainty.md.
+The experiments are those of ``studies/interval_coverage.py``, whose table stands in docs/uncertainty.md.
 """
 
 import importlib.util
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-PATH = Path(__file__).resolve().parents[1] / "studies" / "coverage.py"
+PATH = Path(__file__).resolve().parents[1] / "studies" / "interval_coverage.py"
 SPEC = importlib.util.spec_from_file_location("coverage_study", PATH)
 coverage = importlib.util.module_from_spec(SPEC)
 sys.modules["coverage_study"] = coverage

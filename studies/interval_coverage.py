@@ -1,6 +1,6 @@
 """Do the intervals cover? Every interval that is reported, on ensembles whose truth is known.
 
-    python studies/coverage.py --experiments 400
+    python studies/interval_coverage.py --experiments 400
 
 prints one line an interval: the share of repeated experiments in which the 95 % interval holds the truth,
 with its standard error. Intervals of order statistics, of partly unknown values and of weighted sets may
