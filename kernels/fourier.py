@@ -16,7 +16,7 @@ import taichi as ti
 
 from mcsettle.kernels.spectral import LANES, ROWS
 
-__all__ = ["LANES", "ROWS", "forwards", "pass_back", "radices", "twiddled"]
+__all__ = ["LANES", "ROWS", "butterfly", "forwards", "pass_back", "radices", "twiddled"]
 
 
 def radices(n_points: int) -> np.ndarray:
@@ -32,6 +32,20 @@ def radices(n_points: int) -> np.ndarray:
 
 
 @ti.func
+def butterfly(z: ti.template(), p: int, a: int, b: int, c: int, d: int, lane: int):
+    """Radix-4 butterfly backwards of points a, b, c, d: their real and imaginary parts in turn."""
+    r0 = z[p, a, 0, lane] + z[p, c, 0, lane]
+    r1 = z[p, a, 0, lane] - z[p, c, 0, lane]
+    r2 = z[p, b, 0, lane] + z[p, d, 0, lane]
+    r3 = z[p, b, 0, lane] - z[p, d, 0, lane]
+    i0 = z[p, a, 1, lane] + z[p, c, 1, lane]
+    i1 = z[p, a, 1, lane] - z[p, c, 1, lane]
+    i2 = z[p, b, 1, lane] + z[p, d, 1, lane]
+    i3 = z[p, b, 1, lane] - z[p, d, 1, lane]
+    return r0 + r2, i0 + i2, r1 - i3, i1 + r3, r0 - r2, i0 - i2, r1 + i3, i1 - r3
+
+
+@ti.func
 def twiddled(
     z: ti.template(), p: int, i: int, hop: int,
     c1: float, s1: float, c2: float, s2: float, c3: float, s3: float,
@@ -42,28 +56,15 @@ def twiddled(
     c = (i + 2 * hop) & ROWS
     d = (i + 3 * hop) & ROWS
     for lane in range(LANES):
-        r0 = z[p, a, 0, lane] + z[p, c, 0, lane]
-        r1 = z[p, a, 0, lane] - z[p, c, 0, lane]
-        r2 = z[p, b, 0, lane] + z[p, d, 0, lane]
-        r3 = z[p, b, 0, lane] - z[p, d, 0, lane]
-        i0 = z[p, a, 1, lane] + z[p, c, 1, lane]
-        i1 = z[p, a, 1, lane] - z[p, c, 1, lane]
-        i2 = z[p, b, 1, lane] + z[p, d, 1, lane]
-        i3 = z[p, b, 1, lane] - z[p, d, 1, lane]
-        z[p, a, 0, lane] = r0 + r2
-        z[p, a, 1, lane] = i0 + i2
-        xr = r1 - i3
-        xi = i1 + r3
+        wr, wi, xr, xi, yr, yi, vr, vi = butterfly(z, p, a, b, c, d, lane)
+        z[p, a, 0, lane] = wr
+        z[p, a, 1, lane] = wi
         z[p, b, 0, lane] = c1 * xr - s1 * xi
         z[p, b, 1, lane] = c1 * xi + s1 * xr
-        xr = r0 - r2
-        xi = i0 - i2
-        z[p, c, 0, lane] = c2 * xr - s2 * xi
-        z[p, c, 1, lane] = c2 * xi + s2 * xr
-        xr = r1 + i3
-        xi = i1 - r3
-        z[p, d, 0, lane] = c3 * xr - s3 * xi
-        z[p, d, 1, lane] = c3 * xi + s3 * xr
+        z[p, c, 0, lane] = c2 * yr - s2 * yi
+        z[p, c, 1, lane] = c2 * yi + s2 * yr
+        z[p, d, 0, lane] = c3 * vr - s3 * vi
+        z[p, d, 1, lane] = c3 * vi + s3 * vr
 
 
 @ti.func

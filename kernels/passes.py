@@ -8,7 +8,7 @@ Depends on: fourier, laws, taichi.
 
 import taichi as ti
 
-from mcsettle.kernels.fourier import LANES, ROWS, twiddled
+from mcsettle.kernels.fourier import LANES, ROWS, butterfly, twiddled
 from mcsettle.kernels.laws import strain_power
 
 
@@ -145,24 +145,9 @@ def add_squares(
     for n in range(points // 4):
         i = (begin + 4 * n) & (ROWS - 3)
         for lane in range(LANES):
-            r0 = z[p, i, 0, lane] + z[p, i + 2, 0, lane]
-            r1 = z[p, i, 0, lane] - z[p, i + 2, 0, lane]
-            r2 = z[p, i + 1, 0, lane] + z[p, i + 3, 0, lane]
-            r3 = z[p, i + 1, 0, lane] - z[p, i + 3, 0, lane]
-            i0 = z[p, i, 1, lane] + z[p, i + 2, 1, lane]
-            i1 = z[p, i, 1, lane] - z[p, i + 2, 1, lane]
-            i2 = z[p, i + 1, 1, lane] + z[p, i + 3, 1, lane]
-            i3 = z[p, i + 1, 1, lane] - z[p, i + 3, 1, lane]
+            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(z, p, i, i + 1, i + 2, i + 3, lane)
             wa = weight[p, ga, lane]
             wb = weight[p, gb, lane]
-            x0 = r0 + r2
-            y0 = i0 + i2
-            x1 = r1 - i3
-            y1 = i1 + r3
-            x2 = r0 - r2
-            y2 = i0 - i2
-            x3 = r1 + i3
-            y3 = i1 - r3
             a0 = settled[p, i, lane] + (wa * (x0 * x0) + wb * (y0 * y0))
             a1 = settled[p, i + 1, lane] + (wa * (x1 * x1) + wb * (y1 * y1))
             a2 = settled[p, i + 2, lane] + (wa * (x2 * x2) + wb * (y2 * y2))
@@ -185,26 +170,11 @@ def begin_power(
     for n in range(points // 4):
         i = (begin + 4 * n) & (ROWS - 3)
         for lane in range(LANES):
-            r0 = z[p, i, 0, lane] + z[p, i + 2, 0, lane]
-            r1 = z[p, i, 0, lane] - z[p, i + 2, 0, lane]
-            r2 = z[p, i + 1, 0, lane] + z[p, i + 3, 0, lane]
-            r3 = z[p, i + 1, 0, lane] - z[p, i + 3, 0, lane]
-            i0 = z[p, i, 1, lane] + z[p, i + 2, 1, lane]
-            i1 = z[p, i, 1, lane] - z[p, i + 2, 1, lane]
-            i2 = z[p, i + 1, 1, lane] + z[p, i + 3, 1, lane]
-            i3 = z[p, i + 1, 1, lane] - z[p, i + 3, 1, lane]
-            x0 = m0 + (r0 + r2)
-            y0 = m1 + (i0 + i2)
-            x1 = m0 + (r1 - i3)
-            y1 = m1 + (i1 + r3)
-            x2 = m0 + (r0 - r2)
-            y2 = m1 + (i0 - i2)
-            x3 = m0 + (r1 + i3)
-            y3 = m1 + (i1 - r3)
-            q2[p, depth, i, lane] = x0 * x0 + y0 * y0
-            q2[p, depth, i + 1, lane] = x1 * x1 + y1 * y1
-            q2[p, depth, i + 2, lane] = x2 * x2 + y2 * y2
-            q2[p, depth, i + 3, lane] = x3 * x3 + y3 * y3
+            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(z, p, i, i + 1, i + 2, i + 3, lane)
+            q2[p, depth, i, lane] = (m0 + x0) * (m0 + x0) + (m1 + y0) * (m1 + y0)
+            q2[p, depth, i + 1, lane] = (m0 + x1) * (m0 + x1) + (m1 + y1) * (m1 + y1)
+            q2[p, depth, i + 2, lane] = (m0 + x2) * (m0 + x2) + (m1 + y2) * (m1 + y2)
+            q2[p, depth, i + 3, lane] = (m0 + x3) * (m0 + x3) + (m1 + y3) * (m1 + y3)
 
 
 @ti.func
@@ -220,22 +190,15 @@ def add_power(
     for n in range(points // 4):
         i = (begin + 4 * n) & (ROWS - 3)
         for lane in range(LANES):
-            r0 = z[p, i, 0, lane] + z[p, i + 2, 0, lane]
-            r1 = z[p, i, 0, lane] - z[p, i + 2, 0, lane]
-            r2 = z[p, i + 1, 0, lane] + z[p, i + 3, 0, lane]
-            r3 = z[p, i + 1, 0, lane] - z[p, i + 3, 0, lane]
-            i0 = z[p, i, 1, lane] + z[p, i + 2, 1, lane]
-            i1 = z[p, i, 1, lane] - z[p, i + 2, 1, lane]
-            i2 = z[p, i + 1, 1, lane] + z[p, i + 3, 1, lane]
-            i3 = z[p, i + 1, 1, lane] - z[p, i + 3, 1, lane]
-            z[p, i, 0, lane] = m0 + (r0 + r2)
-            z[p, i, 1, lane] = m1 + (i0 + i2)
-            z[p, i + 1, 0, lane] = m0 + (r1 - i3)
-            z[p, i + 1, 1, lane] = m1 + (i1 + r3)
-            z[p, i + 2, 0, lane] = m0 + (r0 - r2)
-            z[p, i + 2, 1, lane] = m1 + (i0 - i2)
-            z[p, i + 3, 0, lane] = m0 + (r1 + i3)
-            z[p, i + 3, 1, lane] = m1 + (i1 - r3)
+            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(z, p, i, i + 1, i + 2, i + 3, lane)
+            z[p, i, 0, lane] = m0 + x0
+            z[p, i, 1, lane] = m1 + y0
+            z[p, i + 1, 0, lane] = m0 + x1
+            z[p, i + 1, 1, lane] = m1 + y1
+            z[p, i + 2, 0, lane] = m0 + x2
+            z[p, i + 2, 1, lane] = m1 + y2
+            z[p, i + 3, 0, lane] = m0 + x3
+            z[p, i + 3, 1, lane] = m1 + y3
     for depth in range(2):
         scale = law[c, 2 + depth]
         if scale > 0.0:
