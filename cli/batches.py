@@ -3,6 +3,7 @@
 Depends on: pipeline, stopping, study (types), cli.edge, cli.spread.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import typer
 
 from mcsettle.cli.edge import talk
 from mcsettle.cli.spread import batch_line
-from mcsettle.pipeline import Finished
+from mcsettle.pipeline import Finished, run_study
 from mcsettle.stopping import Batch, parse_target, run_until
 from mcsettle.study import Study
 
@@ -21,14 +22,18 @@ def run_in_batches(
     until: str | None,
     max_minutes: float | None,
     options: dict[str, Any],
+    run: Callable[..., Finished] = run_study,
 ) -> tuple[Finished, bool]:
-    """Run until the target or the time; prints the table; returns the run and whether it missed."""
+    """Run until the target or the time; prints the table; returns the run and whether it missed.
+
+    ``run`` runs a batch.
+    """
     target = None if until is None else parse_target(until)
 
     def tell(batch: Batch) -> None:
         typer.echo(batch_line(batch, target))
 
-    stopped = run_until(study, out, target, max_minutes, tell=tell, **options)
+    stopped = run_until(study, out, target, max_minutes, tell=tell, run=run, **options)
     last = stopped.batches[-1].realisations
     if target is not None and stopped.met:
         talk(f"Target met with {last} realisations.")

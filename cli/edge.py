@@ -122,12 +122,8 @@ def together(
     InputError
         A part of a run cannot know when the whole is precise enough.
     """
-    batches = until is not None or max_minutes is not None
-    for option, given in (("--shards", shards), ("--scheduler", scheduler)):
-        if given is not None and batches:
-            raise InputError(
-                f"{option} goes with neither --until nor --max-minutes; leave them out"
-            )
+    if shards is not None and (until is not None or max_minutes is not None):
+        raise InputError("--shards goes with neither --until nor --max-minutes; leave them out")
     if shards is not None and scheduler is not None:
         raise InputError("--shards and --scheduler are two ways of sharing a run; give one of them")
 

@@ -6,6 +6,7 @@ cli.edge, cli.planning, mcsettle.kernels.
 
 import json
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from mcsettle.place import place
 
 if TYPE_CHECKING:
     from mcsettle.closing import Survey
+    from mcsettle.pipeline import Finished
     from mcsettle.study import Study
 
 MOST_SHOWN = 10
@@ -43,9 +45,7 @@ def run(
     import mcsettle.kernels.runtime  # noqa: F401
 
     if scheduler is not None:
-        from mcsettle.cluster import run_distributed
-
-        finished = run_distributed(study, where, scheduler, tell=talk, **options)
+        finished, missed = _by_workers(study, where, scheduler, until, max_minutes, options)
     elif until is None and max_minutes is None:
         from mcsettle.pipeline import run_study
 
@@ -67,6 +67,27 @@ def run(
     tell_failed(getattr(finished, "n_failed", 0))
     if missed:
         raise typer.Exit(MISSED)
+
+
+def _by_workers(
+    study: "Study",
+    where: Any,
+    scheduler: str,
+    until: str | None,
+    max_minutes: float | None,
+    options: dict[str, Any],
+) -> tuple["Finished", bool]:
+    """A run by Dask workers, at once or in batches; whether it missed its target."""
+    from mcsettle.cluster import run_distributed, workers
+
+    if until is None and max_minutes is None:
+        return run_distributed(study, where, scheduler, tell=talk, **options), False
+    from mcsettle.cli.batches import run_in_batches
+
+    with workers(scheduler, options["processes"]) as (address, share):  # the same for all batches
+        options["threads"] = options["threads"] or share
+        run = partial(run_distributed, scheduler=address, tell=talk)
+        return run_in_batches(study, where, until, max_minutes, options, run)
 
 
 def _tell_plan(study: "Study", options: dict[str, Any]) -> None:

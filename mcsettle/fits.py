@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mcsettle import store
-from mcsettle.draws import ParameterSet
+from mcsettle.draws import ParameterSet, all_sets
 from mcsettle.place import Place
 from mcsettle.study import Study
 
@@ -60,3 +60,9 @@ def with_fits(study: Study, member: ParameterSet, fits: Mapping[str, Fit]) -> Pa
     own = {study.fitted[variant].input: fit.factor for variant, fit in fits.items()}
     values = member.values | own
     return replace(member, values=values, study=study.with_inputs(values))
+
+
+def fitted_sets(at: Place, study: Study) -> list[ParameterSet]:
+    """Every parameter set of ``study``, with the factors that the folder has fits of."""
+    fits = read_fits(at, study)
+    return [with_fits(study, member, fits.get(member.index, {})) for member in all_sets(study)]

@@ -19,7 +19,11 @@ from mcsettle.files import ASIDE, URL, is_url, read_regular, writable, write_byt
 
 LARGEST = 2 * 1024**3  # bytes of one file that is read
 MOST_FILES = 4_000_000
+LONGEST_REASON = 400  # characters of what a store's client says of an error
 DEEPEST = 8  # folders below a results folder; ours are one deep
+# How long Google's client tries again [s], which is a quarter of an hour unless told: until it has
+# been answered once, when URL and credentials are probably wrong, and from then on.
+FIRST_PATIENCE, PATIENCE = 1, 60
 
 
 class Place(ABC):
@@ -147,16 +151,26 @@ class Bucket(Place):
 
         self.where = URL.sub(lambda found: f"{found[1]}://", url).rstrip("/")
         uri = self.where.replace("gcs://", "gs://", 1)
+        limited = uri.startswith("gs://") and "retry_limit_seconds" not in uri
+        limit = ("&" if "?" in uri else "?") + "retry_limit_seconds="
         try:
-            self.store, self.prefix = fs.FileSystem.from_uri(uri)
+            first = f"{uri}{limit}{FIRST_PATIENCE}" if limited else uri
+            self.store, self.prefix = fs.FileSystem.from_uri(first)
+            patient = f"{uri}{limit}{PATIENCE}"
+            self.patient = fs.FileSystem.from_uri(patient)[0] if limited else None
         except (ArrowException, OSError, ValueError) as error:
             raise InputError(f"{self.shown} cannot be used: {error}") from None
 
     @property
     def shown(self) -> str:
-        """The URL without what follows a question mark or precedes an at sign: keys may stand there."""
+        """The URL without what follows a question mark or precedes an at sign: keys may stand there.
+
+        Azure's container stands there too, and is kept.
+        """
         scheme, _, rest = self.where.partition("://")
-        return f"{scheme}://{rest.partition('?')[0].rpartition('@')[2]}"
+        owner, at, path = rest.partition("?")[0].rpartition("@")
+        kept = scheme.startswith("abfs") and ":" not in owner
+        return f"{scheme}://{owner + at if kept else ''}{path}"
 
     def __str__(self) -> str:
         return self.shown
@@ -206,15 +220,20 @@ class Bucket(Place):
     @contextlib.contextmanager
     def _reached(self, what: str) -> Iterator[None]:
         """Turn what the store refuses into one the user can act on."""
+        from pyarrow import ArrowException
+
         try:
             yield
         except FileNotFoundError:
             raise
-        except OSError as error:
+        except (ArrowException, OSError) as error:  # the former: Azure's, without credentials
+            reason = " ".join(str(error).split())[:LONGEST_REASON]
             raise InputError(
-                f"{self.shown}: {what} ({error}); check the URL and the credentials: the same "
+                f"{self.shown}: {what} ({reason}); check the URL and the credentials: the same "
                 "command goes on from what is there"
             ) from error
+        if self.patient is not None:
+            self.store, self.patient = self.patient, None
 
 
 Where = Path | str | Place

@@ -78,14 +78,14 @@ def compute(
     processes: int,
 ) -> None:
     """Write the shards ``todo``."""
-    twins = _twins(job.study, members)
+    twins = twins_of(job.study, members)
     prepared, of = central, -1
     for (index, variant, scenario), part in groupby(todo, key=lambda shard: shard.group):
         member = members[index]
         if job.progress is not None and len(members) > 1:
             job.progress("Parameter sets", index, len(members))
         twin = twins[index, variant, scenario]
-        left = [s for s in part if twin == index or not _copy(job, member, twin, s)]
+        left = [s for s in part if twin == index or not copied(job, member, twin, s)]
         if not left:
             continue
         if member.failure:
@@ -98,7 +98,7 @@ def compute(
         advance(job, member, case, left)
 
 
-def _twins(study: Study, members: list[ParameterSet]) -> dict[tuple[int, str, str], int]:
+def twins_of(study: Study, members: list[ParameterSet]) -> dict[tuple[int, str, str], int]:
     """For every parameter set, variant and scenario the first set with the same Step B."""
     first: dict[tuple[str, str, str], int] = {}
     found = {}
@@ -111,7 +111,7 @@ def _twins(study: Study, members: list[ParameterSet]) -> dict[tuple[int, str, st
     return found
 
 
-def _copy(job: Job, member: ParameterSet, twin: int, shard: Shard) -> bool:
+def copied(job: Job, member: ParameterSet, twin: int, shard: Shard) -> bool:
     """Take over the rows of the set ``twin``, which has the same Step B, if they are there."""
     source = Shard(twin, shard.variant, shard.scenario, shard.first, shard.last, shard.nested)
     if not job.is_whole(source):

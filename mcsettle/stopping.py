@@ -134,6 +134,7 @@ def run_until(
     realisations: int | None = None,
     tell: Callable[[Batch], None] | None = None,
     clock: Callable[[], float] = time.monotonic,
+    run: Callable[..., Finished] = run_study,
     **options: Any,
 ) -> Stopped:
     """Run in batches until ``target`` is met, the time is up or the sample is at its cap.
@@ -146,6 +147,7 @@ def run_until(
     realisations : the cap (None: the study's own number)
     tell : called with every batch
     clock : seconds
+    run : runs a batch: ``run_study``, or the like (``cluster.run_distributed`` for a scheduler)
 
     Raises
     ------
@@ -155,7 +157,7 @@ def run_until(
     cap = realisations or study.run.realisations
     start, batches = clock(), list[Batch]()
     sizes = _sizes(_held(out), cap)
-    finished = run_study(study, out, realisations=next(sizes), **options)
+    finished = run(study, out, realisations=next(sizes), **options)
     while True:
         spent = clock() - start - sum(b.seconds for b in batches)
         batches.append(_batch(out, target, spent))
@@ -169,7 +171,7 @@ def run_until(
             return Stopped(finished, tuple(batches), target is None, False)
         if max_minutes is not None and _ends(batches, size) > 60.0 * max_minutes:
             return Stopped(finished, tuple(batches), False, True)
-        finished = run_study(study, out, realisations=size, **options)
+        finished = run(study, out, realisations=size, **options)
 
 
 def _batch(out: Where, target: Target | None, seconds: float) -> Batch:

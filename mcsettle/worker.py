@@ -2,10 +2,10 @@
 
 All it needs it finds in the results folder: study, provenance, and what Step A has computed
 (DIR/.step_a). Each process keeps one Taichi runtime with kernels of its own, and works on one shard at a
-time whatever the scheduler sends it.
+time whatever the scheduler sends it. A worker outlives runs: each has its ``Order``.
 
-Depends on: draws, errors, ledger, place, scene, shards, step_a, step_b, store, summary, transfer_file;
-inside: mcsettle.kernels.
+Depends on: closing, draws, engine, errors, files, fits, ledger, place, scene, shards, step_a, step_b,
+store, summary, transfer_file; inside: mcsettle.kernels.
 """
 
 import atexit
@@ -20,10 +20,11 @@ from typing import NamedTuple
 
 from mcsettle import step_b, store
 from mcsettle.closing import held_shards
-from mcsettle.draws import ParameterSet, all_sets
+from mcsettle.draws import ParameterSet
 from mcsettle.engine import Engine
 from mcsettle.errors import InputError
 from mcsettle.files import cache_folder
+from mcsettle.fits import fitted_sets
 from mcsettle.ledger import read_record
 from mcsettle.place import Place, place
 from mcsettle.scene import build_case
@@ -39,26 +40,52 @@ _one = threading.Lock()
 _bench: "Bench | None" = None
 
 
+class Order(NamedTuple):
+    """What a worker is to work on: a folder or URL, the run in it and its size, and how.
+
+    Runs of one provenance differ in where they lie and in how many rows they have.
+    """
+
+    where: str
+    provenance: str
+    realisations: int
+    parameter_sets: int
+    threads: int | None
+    batch: int | None
+
+
 class Done(NamedTuple):
-    """A shard that is there: whether it was computed just now, and how many of its rows failed."""
+    """A shard that is there: computed just now?, rows that failed, remarks on its scenario."""
 
     number: int
     computed: bool
     n_failed: int
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass
 class Bench:
     """What a worker keeps from shard to shard of one run."""
 
-    key: str
+    order: Order
     job: step_b.Job
     members: list[ParameterSet]
+    twins: dict[tuple[int, str, str], int]
     shards: list[Shard]
     shelf: Shelf | None
     group: tuple[int, str, str] | None = None
     engine: Engine | None = None
     prepared: dict[int, StepA] = field(default_factory=dict)
+
+    def make(self, shard: Shard) -> None:
+        """Write a shard: computed, taken over from a set with the same rows, or failed for a reason."""
+        member, twin = self.members[shard.member], self.twins[shard.group]
+        if twin != shard.member and step_b.copied(self.job, member, twin, shard):
+            return
+        if member.failure:
+            self.job.write(shard, step_b.failed_tables(member, shard, member.failure))
+        else:
+            step_b.write_computed(self.job, member, self.engine_of(shard), shard)
 
     def engine_of(self, shard: Shard) -> Engine:
         """The engine of a shard, kept for its neighbours."""
@@ -69,6 +96,7 @@ class Bench:
             case = build_case(
                 member.study, self.prepared[shard.member], shard.variant, shard.scenario
             )
+            self.job.remarks.clear()  # each answer has those of its own scenario
             self.engine = step_b.engine_for(self.job, member, case, shard)
             self.group = shard.group
         return self.engine
@@ -79,26 +107,26 @@ class Bench:
         return step_a(member.study, shelf=self.shelf)
 
 
-def work(where: str, key: str, number: int, threads: int | None, batch: int | None) -> Done:
-    """Make shard ``number`` of the run ``key`` in ``where``; nothing is done if it is there.
+def work(order: Order, number: int) -> Done:
+    """Make shard ``number`` of a run; nothing is done if it is there.
 
     Raises
     ------
     InputError
-        The folder is of another run, or cannot be read or written.
+        The folder is of another run, or cannot be read or written; this process began with another
+        number of threads.
     """
     global _bench
     with _one:
-        if _bench is None or _bench.key != key:
-            _bench = _set_up(where, key, threads)
+        if _bench is None or _bench.order != order:
+            _bench = _set_up(order)
         bench, shard = _bench, _bench.shards[number]
-        bench.job.batch = batch
         computed = not bench.job.is_whole(shard)
         if computed:
-            member = bench.members[shard.member]
-            step_b.write_computed(bench.job, member, bench.engine_of(shard), shard)
+            bench.make(shard)
         found = read_record(bench.job.at, shard.name, bench.job.provenance)
-    return Done(number, computed, 0 if found is None else found.n_failed)
+        n_failed = 0 if found is None else found.n_failed
+        return Done(number, computed, n_failed, tuple(dict.fromkeys(bench.job.remarks)))
 
 
 def share_step_a(at: Place, central: StepA) -> None:
@@ -146,19 +174,28 @@ def read_step_a(at: Place) -> StepA:
     )
 
 
-def _set_up(where: str, key: str, threads: int | None) -> Bench:
+def _set_up(order: Order) -> Bench:
     from mcsettle.kernels import runtime
 
     _own_kernels()
-    at = place(where)
+    at = place(order.where)
     provenance, study = store.read_provenance(at), study_of(at)
-    if provenance.digest != key:
+    seen = provenance.digest, study.run.realisations, study.n_sets
+    if seen != order[1:4]:
         raise InputError(f"'{at}' is not the folder of this run as this worker sees it")
-    runtime.start(threads)
-    job = step_b.Job(study, at, provenance, threads, held=held_shards(at))
+    try:
+        runtime.start(order.threads)
+    except RuntimeError:
+        raise InputError(
+            f"a worker is to use {order.threads} threads and has begun with another number; give "
+            "--threads that number, or start the workers again"
+        ) from None
+    held = held_shards(at)
+    job = step_b.Job(study, at, provenance, order.threads, order.batch, held=held)
     shelf = Shelf.of(study) if study.nested else None
+    members = fitted_sets(at, study)
     shards = all_shards(study, provenance.shard_realisations)
-    return Bench(key, job, all_sets(study), shards, shelf)
+    return Bench(order, job, members, step_b.twins_of(study, members), shards, shelf)
 
 
 def _own_kernels() -> None:

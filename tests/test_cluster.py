@@ -12,15 +12,18 @@ import time
 from pathlib import Path
 
 import pytest
+import test_grounds
+import test_observed
 import toy
 from test_pipeline import everything
 from typer.testing import CliRunner
 
-from mcsettle import cluster, ledger, worker
+from mcsettle import cluster, dispatch, factor_fit, ledger, step_b, worker
 from mcsettle.cli.app import app
 from mcsettle.closing import gather, survey
 from mcsettle.errors import InputError
 from mcsettle.pipeline import run_study
+from mcsettle.shards import Slice
 from mcsettle.study import resolved_toml
 
 distributed = pytest.importorskip("distributed")
@@ -55,7 +58,8 @@ def in_process(here, monkeypatch):
     """``local`` is the cluster of this process, whose kernels stay where they are."""
     monkeypatch.setattr(worker, "_own_kernels", lambda: None)
     monkeypatch.setattr(worker, "_bench", None)
-    monkeypatch.setattr(cluster, "_scheduler", lambda *_: contextlib.nullcontext((here, None)))
+    monkeypatch.setattr(cluster, "_ADDRESS", re.compile(r"inproc://.*"))
+    monkeypatch.setattr(cluster, "workers", lambda *_: contextlib.nullcontext((here, None)))
 
 
 @pytest.mark.parametrize(
@@ -101,7 +105,7 @@ def test_a_poisoned_shard_becomes_failed_rows_and_heals(
     assert done.exit_code == 3, done.stderr
     assert "FloatingPointError: poison" in done.stderr
     bad = "base--v225--00000002-00000003.parquet"
-    assert asked.count(bad) == 1 + cluster.RETRIES
+    assert asked.count(bad) == 1 + dispatch.RETRIES
     found = survey(out)
     assert [(fault.shard, fault.state) for fault in found.faults] == [(bad, "failed")]
     assert gather(out).n_failed == 0  # of the whole shards
@@ -117,15 +121,15 @@ def test_a_poisoned_shard_becomes_failed_rows_and_heals(
 
 
 def test_the_window_is_bounded(study, tmp_path, in_process, monkeypatch):
-    kept, most = cluster._take, []
+    kept, most = dispatch._take, []
 
     def watched(job, client):
         most.append(len(job.out))
         kept(job, client)
 
-    monkeypatch.setattr(cluster, "_take", watched)
+    monkeypatch.setattr(dispatch, "_take", watched)
     cluster.run_distributed(study, tmp_path, "local", shard_size=1)
-    assert 0 < max(most) <= 2 * cluster.WINDOW
+    assert 0 < max(most) <= 2 * dispatch.WINDOW
 
 
 def test_a_damaged_step_a_is_refused(study, tmp_path, in_process):
@@ -146,7 +150,7 @@ def test_a_damaged_step_a_is_refused(study, tmp_path, in_process):
 
 
 def test_without_a_scheduler_it_says_so(study, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "PATIENCE", 0.0)
+    monkeypatch.setattr(dispatch, "PATIENCE", 0.0)
     with pytest.raises(InputError, match=r"no scheduler answers at tcp://127.0.0.1:9"):
         cluster.run_distributed(study, tmp_path, "tcp://127.0.0.1:9", shard_size=SIZE)
 
@@ -168,6 +172,94 @@ def test_templates_are_sound_and_call_what_there_is():
         for option in re.findall(r"--[a-z-]+", text):
             assert option in told
     assert "pip install" in (folder / "Dockerfile").read_text(encoding="utf-8")
+
+
+# --- workers that outlive runs --------------------------------------------------------------------
+
+
+def test_a_worker_tells_runs_apart(study, whole, tmp_path, in_process):
+    """The same study into another folder, and then with more rows, by the same workers."""
+    for name, n in (("a", 4), ("b", 4), ("b", N)):
+        done = cluster.run_distributed(study, tmp_path / name, "local", n, shard_size=SIZE)
+        assert done.n_computed == (4 if n == 4 else 2)
+    assert everything_but_step_a(tmp_path / "b") == everything(whole)
+    assert survey(tmp_path / "a").realisations == 4
+
+
+def test_a_worker_that_began_with_other_threads_says_so(study, tmp_path, in_process):
+    with pytest.raises(InputError, match="is to use 77 threads and has begun with another number"):
+        cluster.run_distributed(study, tmp_path, "local", threads=77, shard_size=SIZE)
+
+
+def test_a_target_is_reached_by_workers_too(study, tmp_path, in_process):
+    """The same batches, the same decision, the same bytes: results stand in the order of their rows."""
+    path = tmp_path / "study.toml"
+    path.write_text(resolved_toml(study), encoding="utf-8")
+    told = {}
+    for name, more in (("plain", []), ("shared", ["--scheduler", "local"])):
+        done = CliRunner().invoke(
+            app,
+            ["run", str(path), "--out", str(tmp_path / name), "--realisations", "100",
+             "--shard-size", "20", "--until", "tamping_interval median 0.1%", *more],
+        )  # fmt: skip
+        assert done.exit_code == 5, done.stderr
+        assert "Target missed at the cap of 100 realisations" in done.stderr
+        told[name] = [re.sub(r"[0-9.]+ s\b", "", line) for line in done.stdout.splitlines()]
+    assert len(told["plain"]) == 2
+    assert told["plain"] == told["shared"]
+    assert everything_but_step_a(tmp_path / "shared") == everything(tmp_path / "plain")
+
+
+# --- parameter sets -------------------------------------------------------------------------------
+
+
+def shared_and_plain(study, tmp_path, **options):
+    """A run by workers and one by two slices are the plain run; returns its folder."""
+    plain = run_study(study, tmp_path / "plain", shard_size=SIZE, **options)
+    for i in (2, 1):
+        run_study(study, tmp_path / "parts", shards=Slice(i, 2), shard_size=SIZE, **options)
+    gather(tmp_path / "parts")
+    assert everything(tmp_path / "parts") == everything(plain.folder)
+    done = cluster.run_distributed(study, tmp_path / "shared", "local", shard_size=SIZE, **options)
+    assert everything(tmp_path / "shared") == everything(plain.folder)  # no Step A is left there
+    assert done.n_failed == plain.n_failed
+    assert set(done.remarks) == set(plain.remarks)
+    return plain
+
+
+def test_grounds_and_their_failures(tmp_path, in_process):
+    """Three grounds, one of which cannot be run: that is told in its rows, and is no failed shard."""
+    for name, text in (("layers", test_grounds.LAYERS), ("weights", test_grounds.WEIGHTS)):
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    plain = shared_and_plain(test_grounds.study(tmp_path), tmp_path)
+    assert plain.n_failed == 2 * 4
+    assert survey(tmp_path / "shared").finished
+
+
+def test_sets_that_share_their_rows(tmp_path, in_process, monkeypatch):
+    """Sets that differ in money alone: the workers compute the first one's rows and copy them."""
+    kept, computed = step_b.write_computed, []
+
+    def counted(job, member, machine, shard):
+        computed.append(shard.member)
+        kept(job, member, machine, shard)
+
+    study = toy.uncertain(toy.COST, run={"realisations": 2, "parameter_sets": 3})
+    plain = run_study(study, tmp_path / "plain").folder
+    monkeypatch.setattr(step_b, "write_computed", counted)
+    cluster.run_distributed(study, tmp_path / "shared", "local")
+    assert everything(tmp_path / "shared") == everything(plain)
+    assert computed.count(0) == 2
+    assert len(computed) < 6  # a set overtakes the first one at most now and then
+
+
+def test_fitted_factors_reach_the_workers(tmp_path, in_process, monkeypatch):
+    """A factor fitted in every set: the workers use the fits that lie in the folder."""
+    monkeypatch.setattr(factor_fit, "MOST_TRACKS", 8)
+    monkeypatch.setattr(factor_fit, "FEW_TRACKS", 4)
+    observed = [{**test_observed.INTERVAL, "sections": 200}]
+    study = toy.uncertain(toy.N0, test_observed.FACTOR, observed=observed)
+    shared_and_plain(study, tmp_path, realisations=2, parameter_sets=2)
 
 
 # --- real processes -------------------------------------------------------------------------------

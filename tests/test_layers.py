@@ -112,6 +112,7 @@ LAYERS = (
         "forecast",
         "notebook",
         "worker",
+        "dispatch",
         "cluster",
     ),
     ("report", "compare"),
