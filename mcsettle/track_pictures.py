@@ -1,6 +1,6 @@
 """Every picture of a study's track, and its numbers as CSV, written into a folder.
 
-Depends on: errors, fem25d, figures, files, interaction, irregularity, settlement, step_a, track,
+Depends on: errors, fem25d, figures, files, interaction, irregularity, scene, settlement, step_a, track,
 track_case, track_report, traffic, transfer, transfer_file, units, vehicle, views; matplotlib
 through figures.
 """
@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mcsettle.fem25d import SectionResponse
+from mcsettle.fem25d.field import centreline_field
 from mcsettle.fem25d.section import track_grid
 from mcsettle.figures.passage import passage_figure
 from mcsettle.figures.receptance import receptance_figure
@@ -26,6 +27,7 @@ from mcsettle.figures.vehicles import vehicles_figure
 from mcsettle.files import write_text
 from mcsettle.interaction import precompute
 from mcsettle.irregularity import spectrum
+from mcsettle.scene import initial_profiles
 from mcsettle.settlement import SettlementModel
 from mcsettle.step_a import Progress
 from mcsettle.track import TOY_TRACK, SectionTrack, depth_below_subgrade
@@ -37,7 +39,7 @@ from mcsettle.vehicle import FREIGHT
 from mcsettle.views.passage import AxlePassage, axle_passage
 from mcsettle.views.receptance import receptance_map
 from mcsettle.views.section import cell_values, section_view
-from mcsettle.views.slice import deflection_slice
+from mcsettle.views.slice import DeflectionSlice, deflection_slice
 from mcsettle.views.stress import DepthCurve, depth_curve, layer_weights, stress_along
 from mcsettle.views.table4 import DEFINITIONS, Increase
 from mcsettle.views.vehicles import MODELS, VehiclePeaks, vehicle_peaks
@@ -73,7 +75,7 @@ def draw_track(
     InputError
         If the folder cannot be written.
     """
-    pictures = track_figures(case, table)
+    pictures = track_figures(case, table, progress)
     written = _tables(case, rows, table, folder)
     for done, (name, draw) in enumerate(pictures.items()):
         if progress is not None:
@@ -84,7 +86,9 @@ def draw_track(
     return written
 
 
-def track_figures(case: TrackCase, table: list[Increase]) -> dict[str, Callable[[], Figure]]:
+def track_figures(
+    case: TrackCase, table: list[Increase], progress: Progress | None = None
+) -> dict[str, Callable[[], Figure]]:
     """Every picture of a track by name, each drawn when called."""
     pictures: dict[str, Callable[[], Figure]] = {
         "section": lambda: _section(case),
@@ -92,7 +96,7 @@ def track_figures(case: TrackCase, table: list[Increase]) -> dict[str, Callable[
         "receptance": lambda: _receptance(case),
         "stress_depth": lambda: _depth(case),
         "stress_along": lambda: _along(case),
-        "slice": lambda: _slice(case),
+        "slice": lambda: _slice(case, progress),
         "table4": lambda: table4_figure(table, case.profile_text),
         "vehicle_models": lambda: _vehicles(case),
         "freight_passage": lambda: _freight(case),
@@ -208,11 +212,31 @@ def _layer_at(case: TrackCase, layer: int, z: float) -> int:
     return next(i for i in range(layer, len(tops) - 1) if z > tops[i + 1])
 
 
-def _slice(case: TrackCase) -> Figure:
+def slice_view(case: TrackCase, progress: Progress | None = None) -> DeflectionSlice:
+    """Fig. 10: the first train over the study's first profile, its middle in the window's middle."""
     run = case.runs[0]
     if not isinstance(run.response, SectionResponse):
         raise TypeError("only a section track has a deflection of the ground")
-    return slice_figure(deflection_slice(run.response, run.service.train, run.service.speed))
+    study, service = case.study, run.service
+    say = None if progress is None else lambda done, n, text: progress(text, done, n)
+    return deflection_slice(
+        centreline_field(run.response, say),
+        service.train,
+        service.speed,
+        case.wavenumbers,
+        initial_profiles(study, range(1), case.variant)[0],
+        study.profile.window_m / 2.0,
+        study.track_table.hertz_stiffness_n_per_m,
+    )
+
+
+def _slice(case: TrackCase, progress: Progress | None) -> Figure:
+    study = case.study
+    text = (
+        f"Profile: {case.profile_text}, realisation 0 of seed {study.seed}, periodic over "
+        f"{study.profile.window_m:g} m. {_ground(case).capitalize()}."
+    )
+    return slice_figure(slice_view(case, progress), text)
 
 
 def _vehicles(case: TrackCase) -> Figure:

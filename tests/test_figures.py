@@ -88,9 +88,14 @@ def softening() -> Figure:
 def deflection() -> Figure:
     x, z = np.linspace(-30.0, 30.0, 61), np.linspace(1.0, -5.0, 13)
     field = 1e-3 * np.exp(-((x / 10.0) ** 2))[:, None] * np.exp(z / 8.0)
+    wave = 0.1 * np.cos(x / 2.0)
     return slice_figure(
-        DeflectionSlice("train", x, z, field, 1.2 * field[:, 0], np.array([-2.0, 2.0]))
-    )
+        DeflectionSlice(
+            "train", x, z, field, wave[:, None] * field, 1.2 * field[:, 0], wave * field[:, 0],
+            1e-3 * wave, np.array([-2.0, 2.0]), np.array([4e3, -2e3]),
+        ),
+        "Profile: seed 1.",
+    )  # fmt: skip
 
 
 DRAWN = [depth, along, table4, receptance, vehicles, passage, section, softening, deflection]

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from mcsettle import track_pictures, track_report
 from mcsettle.cli.app import app
 from mcsettle.cli.views import table4_lines, track_lines
-from mcsettle.study import Study, load_study, resolved_toml
+from mcsettle.study import Study, resolved_toml
 from mcsettle.track_case import TrackCase, table4, track_case
 from mcsettle.track_pictures import draw_track, freight_passage
 from mcsettle.track_report import (
@@ -144,25 +144,3 @@ def test_track_command(toy_path: Path, tmp_path: Path, monkeypatch: pytest.Monke
     assert done.exit_code == 2
     assert "name a folder" in done.stderr
     assert done.stdout == ""
-
-
-@pytest.mark.slow
-def test_slice_meets_the_rail_of_step_a(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The slice's own solutions against the reduced bases: the rail under each axle."""
-    from mcsettle.fem25d import Settings, section_response
-    from mcsettle.interaction import precompute
-    from mcsettle.irregularity import wavenumbers
-    from mcsettle.track import CASE_STUDY_TRACK
-    from mcsettle.views.slice import deflection_slice
-
-    assert load_study(root / "studies" / "linespeed.toml").track() == CASE_STUDY_TRACK
-    response = section_response(CASE_STUDY_TRACK, 5.5, Settings(), use_cache=False)
-    train, speed = toy.TRAINS["car"], toy.SPEEDS["car"]
-    view = deflection_slice(response, train, speed)
-    transfer = precompute(train, speed, response, wavenumbers(200.0, 20.0))
-    order = np.argsort(view.axles)
-    found = np.interp(view.axles[order], view.x, view.rail)
-    # Linear interpolation between places 0.2 m apart takes half a per cent off a peak.
-    assert found == pytest.approx(transfer.rail_deflection[order], rel=1e-2)
-    assert np.all(view.deflection[:, 0] < view.rail + 1e-4)
-    assert np.isfinite(view.deflection).all()

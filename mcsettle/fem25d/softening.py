@@ -89,6 +89,7 @@ def soften(
     settings: SofteningSettings | None = None,
     progress: Callable[[int, str], None] | None = None,
     frame: Frame | None = None,
+    start: ElementProperties | None = None,
 ) -> SoftenedGround:
     """Equivalent-linear properties of a track and its ground under one train at one speed.
 
@@ -110,6 +111,9 @@ def soften(
         Called as ``progress(iterations, text)`` after each iteration.
     frame : Frame, optional
         ``track_frame(track, integration_depth, mesh)``, where it is at hand.
+    start : ElementProperties, optional
+        Where the iteration starts, such as the ground of another speed; default the small-strain
+        ground. The result depends on it within the tolerance.
 
     Raises
     ------
@@ -130,6 +134,8 @@ def soften(
     wavenumbers = line_wavenumbers(WAVENUMBERS)
     passing = along_train(train, wavenumbers, places(train))
     state = np.stack([np.ones(soft.number.size), own])
+    if start is not None:
+        state = np.stack([start.scale[soft.number], start.damping[soft.number]])
     records: list[tuple[float, np.ndarray]] = []
     steps: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(settings.max_iterations):

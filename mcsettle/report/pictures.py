@@ -37,7 +37,7 @@ PAPER = {
     "freight_passage": ("5 and 6", "our profile, of the same class; settlement without any factor"),
     "section": ("7", "half of it is solved; the absorbing border lies beyond"),
     "concept": ("9", "drawn with the median intervals found here instead of symbols"),
-    "slice": ("10", "all cars alike, quasi-static part; the paper's train is of another length"),
+    "slice": ("10", "one of our tracks; all cars alike, the paper's train is of another length"),
     "profiles": ("11", "one of our tracks; the paper's profile is not published"),
     "sd_time": ("12 or 17", "medians and a band over many tracks instead of one track"),
     "growth": ("13", "growth over the first 365 days, with its spread"),

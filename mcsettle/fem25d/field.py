@@ -1,0 +1,189 @@
+"""Displacement of rail and ground along the centreline under a moving oscillating load (Fig. 10).
+
+The bases of Step A know the rail and the stresses. Here bases of the same section are grown with the
+vertical displacement at every node of the plane of symmetry among their outputs, so that the field
+is at hand at all (k, ω = Ω + kv) of a passing train: the quasi-static line Ω = 0 and every driving
+frequency of the profile. The stresses stay among the outputs while the bases grow: displacements
+at different depths are too much alike to span a test space of their own. Rail and pad join as in
+``moving``; below zero frequency the displacement is the conjugate of that at positive frequency,
+and it is even in k.
+
+Depends on: files, transfer, waves, cache, modal, moving, quadrature, reduced, section,
+solve.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from mcsettle.fem25d.cache import digest_of, read_bands, write_bands
+from mcsettle.fem25d.modal import ModalBand, modal_bands
+from mcsettle.fem25d.moving import SectionResponse, rail_coupling
+from mcsettle.fem25d.quadrature import jump_shares
+from mcsettle.fem25d.reduced import Band, grow_band, training_set
+from mcsettle.fem25d.section import Section, track_section
+from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.files import cache_folder
+from mcsettle.transfer import COMPONENTS, WavenumberSpectra
+from mcsettle.waves import rayleigh_speed
+
+VERTICAL = 2  # component of the displacement
+HELD_OUT_SEED = 1_605_273
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class FieldSpectra:
+    """Downward displacement per unit load per wheelset at one (Ω, v), over both signs of k.
+
+    ``rail`` as of a track's response (without stresses); ``ground`` [Q, D] m/N·m at its wavenumbers.
+    """
+
+    rail: WavenumberSpectra
+    ground: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class CentrelineField:
+    """Displacement at heights ``z`` [D] m of the centreline, falling from the sleepers' top.
+
+    ``errors`` [n] are relative errors of the bases against direct solutions they never saw, two a
+    band.
+    """
+
+    response: SectionResponse
+    z: np.ndarray
+    bands: tuple[Band, ...]
+    errors: np.ndarray
+
+    @property
+    def error_estimate(self) -> float:
+        """Largest relative error of the bases at the held-out points."""
+        return float(np.max(self.errors))
+
+    @cached_property
+    def _modal(self) -> list[ModalBand]:
+        return modal_bands(self.bands, self.response.quadrature.nodes, self.response.settings)
+
+    def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[FieldSpectra]:
+        """Spectra at ``speed`` [m/s] for each driving frequency Ω ≥ 0 of ``omegas`` [rad/s]."""
+        q = self.response.quadrature
+        k = np.concatenate([-q.nodes[::-1], q.nodes])
+        weights = np.concatenate([q.weights[::-1], q.weights])
+        for omega in np.atleast_1d(omegas).tolist():
+            ahead, behind = omega + q.nodes * speed, omega - q.nodes * speed
+            both = np.stack([ahead, behind])
+            ground = np.concatenate([m.outputs(both[:, m.nodes]) for m in self._modal], axis=1)
+            positive = self._loaded(ground[0], ahead, 1.0)
+            negative = self._loaded(ground[1], behind, np.where(behind >= 0.0, 1.0, -1.0))
+            jump = jump_shares(q, omega / speed) if omega > 0.0 else None
+            if jump is not None:  # damping changes sign inside this panel
+                at, share = jump
+                plus, minus = (
+                    self._loaded(ground[1][at], behind[at], sign, at) for sign in (1.0, -1.0)
+                )
+                negative[at] = share[:, None] * plus + (1.0 - share)[:, None] * minus
+            values = np.concatenate([negative[::-1], positive])
+            none = np.zeros((k.size, len(COMPONENTS), 0))
+            yield FieldSpectra(WavenumberSpectra(k, weights, values[:, 0], none), values[:, 1:])
+
+    def _loaded(
+        self,
+        ground: np.ndarray,
+        omega: np.ndarray,
+        sign: np.ndarray | float,
+        at: slice = slice(None),
+    ) -> np.ndarray:
+        """Rail and ground [N, 1 + D] from the outputs per pad force, first that under the foot."""
+        k = self.response.quadrature.nodes[at]
+        sign = np.broadcast_to(np.asarray(sign, dtype=float), k.shape)
+        values = np.where(sign[:, None] > 0.0, ground, ground.conj())
+        rail, force = rail_coupling(self.response.track, k, omega, values[:, 0], sign)
+        values = values * force[:, None]
+        values[:, 0] = rail
+        return np.asarray(values)
+
+
+def centreline_field(
+    response: SectionResponse,
+    progress: Progress | None = None,
+    cache: Path | None = None,
+    use_cache: bool = True,
+) -> CentrelineField:
+    """Displacement along the centreline of a response's track; bases from disk or grown.
+
+    Raises
+    ------
+    NumericalError
+        If a basis misses its tolerance.
+    """
+    section, z = field_section(response)
+    key = digest_of({"field": response.digest})
+    path = (cache_folder() if cache is None else Path(cache)) / f"section-{key[:32]}.npz"
+    found = read_bands(path) if use_cache else None
+    if found is None:
+        found = _grown(section, z.size, response, progress)
+        if use_cache:
+            write_bands(path, *found)
+    return CentrelineField(response, z, *found)
+
+
+def field_section(response: SectionResponse) -> tuple[Section, np.ndarray]:
+    """The response's section, its outputs followed by D downward displacements at heights [D] m."""
+    section = track_section(
+        response.track, response.integration_depth, response.settings.mesh, response.properties
+    )
+    rows, z = _centreline(section, -response.integration_depth)
+    shape = (rows.size, section.unknowns)
+    down = sp.csr_matrix((-np.ones(rows.size, np.complex128), (np.arange(rows.size), rows)), shape)
+    none = sp.csr_matrix(0.0 * down)
+    return replace(
+        section,
+        stress0=sp.csr_matrix(sp.vstack([section.stress0, down])),
+        stress1=sp.csr_matrix(sp.vstack([section.stress1, none])),
+    ), z
+
+
+def _centreline(section: Section, lowest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Free unknowns of the vertical displacement on y = 0, from the top down, and their heights."""
+    basis = section.basis
+    vertical = np.zeros(basis.N, dtype=bool)
+    for dofs in (basis.nodal_dofs, basis.facet_dofs, basis.interior_dofs):
+        vertical[dofs[VERTICAL]] = True
+    y, z = basis.doflocs[:, section.free]
+    at = np.flatnonzero(vertical[section.free] & (np.abs(y) < 1e-9) & (z >= lowest - 1e-9))
+    order = at[np.argsort(-z[at])]
+    return order, z[order]
+
+
+def _grown(
+    section: Section, heights: int, response: SectionResponse, progress: Progress | None
+) -> tuple[tuple[Band, ...], np.ndarray]:
+    """Bases of all bands for displacements alone, and the errors of each at two random points."""
+    s, bands, errors = response.settings, [], []
+    waves = sorted({rayleigh_speed(layer.material) for layer in response.track.ground})
+    rng = np.random.Generator(np.random.Philox(key=HELD_OUT_SEED))
+    kept = np.r_[0, 1 + section.stress0.shape[0] - heights : 1 + section.stress0.shape[0]]
+    for i, (lower, upper) in enumerate(zip((0.0, *s.bands), s.bands, strict=False)):
+        training = training_set(lower, upper, s.max_omega, s.max_speed, waves)
+        grown = grow_band(section, lower, upper, training, s.tolerance, s.max_solves)
+        band = replace(grown, output0=grown.output0[kept], output1=grown.output1[kept])
+        for driving in (0.0, s.max_omega):
+            at, share = rng.random(2)  # on the line of a constant load, and anywhere
+            k = lower + (upper - lower) * at
+            omega = share * (driving + k * s.max_speed)
+            exact = outputs(section, k, solve(section, k, omega))[kept]
+            errors.append(_error(band.outputs(k, np.array([omega]))[0], exact))
+        bands.append(band)
+        if progress is not None:
+            progress(i + 1, len(s.bands), "field along the centreline")
+    return tuple(bands), np.array(errors)
+
+
+def _error(approximate: np.ndarray, exact: np.ndarray) -> float:
+    """Largest error over rail foot and heights, relative to the largest displacement."""
+    return float(np.abs(approximate - exact).max() / np.abs(exact).max())
