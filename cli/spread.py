@@ -125,37 +125,38 @@ def spread_json(row: "SummaryRow") -> list[dict[str, Any]]:
 
 
 def _print_lines(console: Any, rows: "list[SummaryRow]") -> None:
-    """Mean interval and mean cost over lines of several lengths."""
-    table = _table("Mean over a line of independent sections: P5 / P50 / P95")
-    lengths = list(
-        dict.fromkeys(s.subject for r in rows for s in r.spread if s.statistic == "line_mean")
+    """Mean interval and mean cost over lines of several lengths, each with its 95 % interval."""
+    table = _table(
+        "Mean over a line of independent sections, [95 % interval of the Monte Carlo error]"
     )
-    if not lengths:
-        return
-    for heading in lengths:
-        table.add_column(heading, justify="right")
-    for heading in ("mean of sections", "median section", "cost at mean interval"):
+    for heading in ("line", "P5", "P50", "P95", "mean", "median section", "cost at mean interval"):
         table.add_column(heading, justify="right")
     for row in rows:
         of_line = [s for s in row.spread if s.statistic == "line_mean"]
-        if not of_line:
-            continue
-        cells = [
-            " / ".join(_plain(s.estimate.value) for s in of_line if s.subject == length)
-            for length in lengths
-        ]
-        named = ("mean", "restricted_mean", "section_mean")
-        means = (s.estimate for s in (*row.statistics, *row.spread) if s.statistic in named)
-        mean = next(means, None)
-        cells += [_plain(mean.value if mean else None), _plain(row.at(0.5).value)]
-        cells.append(_share(row, "cost_at_mean_interval", "", 1.0))
-        table.add_row(row.scenario, row.metric, *cells)
+        named = [row.scenario, row.metric]
+        ends = [_plain(row.at(0.5).value), _share(row, "cost_at_mean_interval", "", 1.0)]
+        for length in dict.fromkeys(s.subject for s in of_line):
+            cells = [_ranged(s.estimate) for s in of_line if s.subject == length]
+            table.add_row(*named, length, *cells, *ends)
+            named, ends = ["", ""], ["", ""]
+    if not table.row_count:
+        return
     console.print(table)
     console.print(
         "A line's price is the mean of its sections' costs. Uncertain inputs are the same all along "
-        "a line, so their spread stays.",
+        "a line, so their spread stays. Open: too few parameter sets or tracks to say how far.",
         markup=False,
     )
+
+
+def _ranged(estimate: "Estimate") -> str:
+    """A value and its interval, as far as the interval has any meaning in digits."""
+    if estimate.value is None:
+        return "–"
+    low, high = (
+        "open" if end is None else f"{end:.3g}" for end in (estimate.lower, estimate.upper)
+    )
+    return f"{estimate.value:.4g} [{low}, {high}]"
 
 
 def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:

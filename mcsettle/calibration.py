@@ -79,12 +79,9 @@ def calibrate(
     case = build_case(study, prepared, variant, scenario)
     case = replace(case, model=replace(case.model, settlement_factor=1.0))
     profiles = initial_profiles(study, range(study.run.realisations), variant)
-    search = _Search(case, profiles, progress)
-    factor = search.solve(median_days)
-    outcome = search.outcome(factor)
+    search = Search(case, profiles, progress)
+    factor, low, high, outcome = search.interval(median_days)
     median = _median(outcome, case.horizon)
-    # A median that came out low by chance asks for a larger factor, and the other way round.
-    low, high = (search.mirrored(median_days, end) for end in (median.lower, median.upper))
     plain = search.outcome(1.0, np.array([0.0, median_days]))
     sound = ~plain.failed
     late = np.isnan(plain.history[sound, 1])  # these have reached their limit before
@@ -116,7 +113,7 @@ def _median(outcome: Outcome, horizon: float) -> Estimate:
     return interval_quantile(days, ends, 0.5)
 
 
-class _Search:
+class Search:
     """Median days as a function of the factor, on fixed profiles (common random numbers)."""
 
     def __init__(self, case: Case, profiles: np.ndarray, progress: Progress | None) -> None:
@@ -126,6 +123,7 @@ class _Search:
         self.evaluations = 0
 
     def outcome(self, factor: float, days: np.ndarray | None = None) -> Outcome:
+        """Every track with this factor, its SD recorded on ``days``."""
         self.evaluations += 1
         if self.progress is not None:
             self.progress(f"Calibration, factor {factor:.6g}", self.evaluations, 40)
@@ -133,10 +131,20 @@ class _Search:
         return self.machine.run(self.profiles, samples, np.full(len(self.profiles), factor))
 
     def median(self, factor: float) -> float:
+        """Median days with this factor; twice the horizon where it is not reached."""
         if factor not in self.known:
             median = _median(self.outcome(factor), self.case.horizon).value
             self.known[factor] = 2.0 * self.case.horizon if median is None else median
         return self.known[factor]
+
+    def interval(self, target: float) -> tuple[float, float | None, float | None, Outcome]:
+        """Factor for a median of ``target`` days, its 95 % limits, and the outcome at the factor."""
+        factor = self.solve(target)
+        outcome = self.outcome(factor)
+        median = _median(outcome, self.case.horizon)
+        # A median that came out low by chance asks for a larger factor, and the other way round.
+        low, high = (self.mirrored(target, end) for end in (median.lower, median.upper))
+        return factor, low, high, outcome
 
     def mirrored(self, target: float, end: float | None) -> float | None:
         """Factor for the median that lies from ``target`` as far as ``target`` from ``end``.

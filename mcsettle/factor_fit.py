@@ -10,17 +10,18 @@ with L of ``observed``. That is importance sampling with the best proposal there
 weights carry what the observations say of the other inputs, and the ensemble does not collapse on a few
 sets. L comes from the engine on two grids of factors, between them linear in log(f) track by track.
 
-Depends on: case, draws, engine, fits, observed, place, scene, step_a, store, study, study_observed,
-study_uncertain, units.
+Depends on: case, distributions, draws, engine, fits, observed, place, scene, step_a, store, study,
+study_observed, study_uncertain, units.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mcsettle import engine
 from mcsettle.case import Case, Outcome
+from mcsettle.distributions import Distribution
 from mcsettle.draws import ParameterSet
 from mcsettle.fits import Fit, read_fits, with_fits, write_fits
 from mcsettle.observed import log_interval, log_mean, log_median, log_sd, sections_of
@@ -79,27 +80,43 @@ def fit_factor(
 
     A set that no factor brings near the observations keeps its draw of the prior, with no weight.
     """
-    prior = entry.built()
-    low, high = (float(np.log(end)) for end in prior.ends)
     model = _Model(study, member.study, prepared, variant)
+    path = entry.input
+    return draw_factor(
+        model.log_likelihood, entry.built(), member.shares[path], member.values[path]
+    )
+
+
+def draw_factor(
+    likelihood: Callable[[np.ndarray, np.ndarray, int], np.ndarray],
+    prior: Distribution,
+    share: float,
+    of_prior: float,
+) -> Fit:
+    """Factor at ``share`` of its posterior, and the evidence; ``of_prior`` where none fits.
+
+    ``likelihood(logs, wanted, n_tracks)``: log likelihood [W] at the log factors ``wanted``, from
+    the model at ``logs``.
+    """
+    low, high = (float(np.log(end)) for end in prior.ends)
     for n_factors, n_tracks in ((COARSE, FEW_TRACKS), (FINE, MOST_TRACKS)):
         logs = np.linspace(low, high, n_factors)
         cells = np.linspace(low, high, CELLS + 1)
         middle = 0.5 * (cells[1:] + cells[:-1])
         mass = np.diff(prior.share_below(np.exp(cells)))
-        likelihood = model.log_likelihood(logs, middle, n_tracks)
-        highest = float(np.max(likelihood))
+        found = likelihood(logs, middle, n_tracks)
+        highest = float(np.max(found))
         if not np.isfinite(highest):
-            return Fit(member.values[entry.input], -np.inf)
-        density = mass * np.exp(likelihood - highest)
+            return Fit(of_prior, -np.inf)
+        density = mass * np.exp(found - highest)
         total = float(np.sum(density))
         if not total > 0.0:
-            return Fit(member.values[entry.input], -np.inf)
+            return Fit(of_prior, -np.inf)
         reached = np.append(0.0, np.cumsum(density) / total)
         step = (high - low) / (n_factors - 1)
         ends = np.interp([NEGLIGIBLE, 1.0 - NEGLIGIBLE], reached, cells)
         low, high = max(low, ends[0] - step), min(high, ends[1] + step)
-    at = float(np.interp(member.shares[entry.input], reached, cells))
+    at = float(np.interp(share, reached, cells))
     return Fit(float(np.exp(at)), highest + float(np.log(total)))
 
 

@@ -6,14 +6,18 @@ along it, so their spread does not average out. The line's price is the mean of 
 which is not the median section's cost, nor the cost at the mean interval: cost is convex in the
 interval, so the mean cost lies above the cost at the mean.
 
-Depends on: estimate.
+Depends on: estimate, line_error, nested, resampling.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
-from mcsettle.estimate import LEVELS
+from mcsettle.estimate import CONFIDENCE, LEVELS, Estimate, Statistic, mean, quantile
+from mcsettle.line_error import line_intervals
+from mcsettle.nested import crossed_mean, crossed_quantiles
+from mcsettle.resampling import Resampling, Weights, plain_weights
 
 LENGTHS_KM = (0.2, 1.0, 10.0, 100.0)
 LINES = 2000  # drawn of each length
@@ -22,13 +26,19 @@ LARGEST_DRAW = 2_000_000
 
 @dataclass(frozen=True)
 class LineMean:
-    """Distribution of the mean over lines of ``length_km``: values at ``LEVELS``."""
+    """Distribution of the mean over lines of ``length_km``: estimates at ``LEVELS``, and the mean."""
 
     length_km: float
     sections: int
-    quantiles: tuple[float, ...]
-    n: int
-    n_left_out: int
+    quantiles: tuple[Estimate, ...]
+    mean: Estimate
+
+    @property
+    def statistics(self) -> list[Statistic]:
+        """``line_mean`` at each level; without one it is the mean over all such lines."""
+        subject = f"{self.length_km:g} km"
+        levels = zip((*LEVELS, None), (*self.quantiles, self.mean), strict=True)
+        return [Statistic("line_mean", level, found, subject) for level, found in levels]
 
 
 def line_means(
@@ -36,47 +46,109 @@ def line_means(
     section_m: float,
     lengths_km: tuple[float, ...] = LENGTHS_KM,
     seed: int = 0,
-    set_weights: np.ndarray | None = None,
+    set_weights: Weights = None,
+    unit: str = "1",
+    note: str = "",
 ) -> list[LineMean]:
-    """Distribution of the mean of ``values`` over lines of several lengths.
+    """Distribution of the mean of ``values`` over lines of several lengths, with 95 % intervals.
 
     Parameters
     ----------
     values : ndarray, shape [E, R]
-        Interval or cost by parameter set and section; NaN (censored or failed) is left out.
+        Interval or cost by parameter set and section; NaN (unknown or failed) is left out.
     section_m : float, m
         Length of one section: the window of the profile.
-    lengths_km : lengths; each is rounded to whole sections, at least one
+    lengths_km : lengths; each is rounded to whole sections, those under half a section left out
     seed : of the resampling
-    set_weights : ndarray, shape [E], optional
-        Relative weights of the parameter sets (default: all alike).
+    set_weights : relative weights of the parameter sets, optional (default: all alike)
+    unit, note : of the estimates
 
     Returns
     -------
     list of LineMean
-        A line takes one parameter set and draws its sections from that set's realisations.
+        A line takes one parameter set and draws its sections from that set's realisations. The
+        intervals are those of ``line_error``; of a single section, of its own quantiles.
     """
-    known = ~np.isnan(values)
-    some = np.any(known, axis=1)
-    whole = [row[ok] for row, ok in zip(values[some], known[some], strict=True)]
-    weights = np.ones(len(values)) if set_weights is None else set_weights
-    n, left_out = int(np.sum(known)), int(np.sum(~known))
-    if not whole:
+    some = np.any(~np.isnan(values), axis=1)
+    if not np.any(some):
         return []
+    plain = plain_weights(set_weights)
+    if plain is not None and not np.sum(plain[some]) > 0.0:
+        return []
+    drawn = Resampling(values.shape, seed, set_weights).of_sets(some)
+    lost = int(np.sum(np.isnan(values)))
+    whole = _mean(values, unit, note, set_weights)
     rows = []
     for length in lengths_km:
-        count = max(1, round(1000.0 * length / section_m))
-        means = _means(whole, count, np.random.default_rng([seed, count]))
-        levels = tuple(float(q) for q in _weighted_quantiles(means, weights[some]))
-        rows.append(LineMean(length, count, levels, n, left_out))
+        count = round(1000.0 * length / section_m)
+        if count < 1:
+            continue
+        if count == 1:
+            found = _of_sections(values, unit, note, set_weights)
+        else:
+            rng = np.random.default_rng([seed, count])
+            found = _of_lines(values[some], count, rng, drawn, (lost, unit, note))
+        rows.append(LineMean(length, count, found, whole))
     return rows
 
 
-def _means(whole: list[np.ndarray], count: int, rng: np.random.Generator) -> np.ndarray:
+def _mean(values: np.ndarray, unit: str, note: str, weights: Weights) -> Estimate:
+    """Mean of all sections, that of lines of any length."""
+    known = values[~np.isnan(values)]
+    lost = values.size - len(known)
+    if len(values) > 1:
+        found = crossed_mean(values, unit, note, set_weights=weights)
+    else:
+        found = mean(known, unit)
+    return Estimate(
+        found.value, found.lower, found.upper, found.standard_error, found.n, lost, unit,
+        note or found.note,
+    )  # fmt: skip
+
+
+def _of_sections(
+    values: np.ndarray, unit: str, note: str, weights: Weights
+) -> tuple[Estimate, ...]:
+    """Quantiles of a line of one section: of the sections themselves."""
+    known = values[~np.isnan(values)]
+    lost = values.size - len(known)
+    if len(values) > 1:
+        found = crossed_quantiles(values, values, LEVELS, unit, set_weights=weights)
+    else:
+        found = [quantile(known, level, unit) for level in LEVELS]
+    return tuple(
+        Estimate(e.value, e.lower, e.upper, e.standard_error, e.n, lost, unit, note) for e in found
+    )
+
+
+def _of_lines(
+    values: np.ndarray,
+    count: int,
+    rng: np.random.Generator,
+    drawn: Resampling,
+    about: tuple[int, str, str],
+) -> tuple[Estimate, ...]:
+    """Quantiles of lines of ``count`` sections; no set is all unknown."""
+    lost, unit, note = about
+    lines = _drawn_lines(values, count, rng)
+    n = int(np.sum(~np.isnan(values)))
+    at = [float(q) for q in _weighted_quantiles(lines, drawn.by_set[0])]
+    found = []
+    for value, ends in zip(
+        at, line_intervals(values, lines, count, LEVELS, at, drawn), strict=True
+    ):
+        sides = [abs(end - value) for end in ends if end is not None]
+        error = float(np.mean(sides) / ndtri(0.5 + 0.5 * CONFIDENCE)) if sides else None
+        found.append(Estimate(value, *ends, error, n, lost, unit, note))
+    return tuple(found)
+
+
+def _drawn_lines(values: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Means [E, n] of ``count`` sections each, drawn with replacement within one parameter set."""
     n_lines = max(200, min(LINES, LARGEST_DRAW // count))
-    each = -(-n_lines // len(whole))
-    return np.array([rng.choice(own, size=(each, count)).mean(axis=1) for own in whole])
+    each = -(-n_lines // len(values))
+    sections = (row[~np.isnan(row)] for row in values)
+    return np.array([rng.choice(own, size=(each, count)).mean(axis=1) for own in sections])
 
 
 def _weighted_quantiles(means: np.ndarray, weights: np.ndarray) -> np.ndarray:

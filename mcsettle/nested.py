@@ -6,14 +6,10 @@ bootstrap), which is right for means up to the share of the interaction and a li
 that is large; a Sobol sequence fills the inputs more evenly than chance, and the errors do not take
 credit for it.
 
-Sets may be weighted (``observed``: by the likelihood of what was observed). A resample then draws sets
-with their weights, as for any self-normalised importance sample, and the tails of its percentile
-intervals are those of as many sets as carry the weight, 1/Σp².
+Sets may be weighted (``observed``: by the likelihood of what was observed); the tails of a percentile
+interval are then those of as many sets as carry the weight, 1/Σp².
 
-References: Owen (2007), The pigeonhole bootstrap, Annals of Applied Statistics 1, 386–411; Kong (1992),
-A note on importance sampling using standardized weights, University of Chicago TR 348.
-
-Depends on: errors, estimate.
+Depends on: estimate, order, resampling.
 """
 
 from collections.abc import Sequence
@@ -22,45 +18,11 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from mcsettle.errors import InputError
 from mcsettle.estimate import CONFIDENCE, LEVELS, Estimate, Statistic
+from mcsettle.order import order_positions, worth
+from mcsettle.resampling import Resampling, Weights
 
-RESAMPLES = 500
 CHUNK = 4_000_000  # cumulative weights held at a time
-
-
-def effective(weights: np.ndarray) -> float:
-    """How many of the weights [n] carry the sum, (Σw)²/Σw²; 0 if all are zero."""
-    square = float(np.sum(np.square(weights)))
-    return float(np.sum(weights)) ** 2 / square if square > 0.0 else 0.0
-
-
-class Resampling:
-    """Weights of resampled sets [B, E] and tracks [B, R]; the first row is the sample itself.
-
-    Parameters
-    ----------
-    shape : (E, R)
-    seed : of the resampling
-    set_weights : ndarray, shape [E], optional
-        Relative weights of the parameter sets, none negative (default: all alike).
-    """
-
-    def __init__(
-        self, shape: tuple[int, ...], seed: int = 0, set_weights: np.ndarray | None = None
-    ) -> None:
-        rng = np.random.default_rng(seed)
-        parts = []
-        for n in shape:
-            drawn = rng.multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES).astype(float)
-            parts.append(np.vstack([np.ones(n), drawn]))
-        self.by_set, self.by_track = parts
-        self.sizes = [float(n) for n in shape]
-        if set_weights is not None:
-            weights = _checked_weights(set_weights, shape[0])
-            self.by_set = self.by_set * weights
-            self.sizes[0] = effective(weights)
-        self.alpha = _tail(self.sizes)
 
 
 def crossed_quantiles(
@@ -69,7 +31,7 @@ def crossed_quantiles(
     levels: Sequence[float],
     unit: str,
     seed: int = 0,
-    set_weights: np.ndarray | None = None,
+    set_weights: Weights = None,
 ) -> list[Estimate]:
     """Quantiles over all sets and realisations, each value known to lie in ``lowest`` … ``highest``.
 
@@ -80,7 +42,7 @@ def crossed_quantiles(
     levels : between 0 and 1
     unit : str
     seed : of the resampling
-    set_weights : ndarray, shape [E], optional
+    set_weights : relative weights of the parameter sets, optional
 
     Returns
     -------
@@ -96,8 +58,8 @@ def crossed_quantiles(
     known: np.ndarray | None = None
     found = []
     for k in range(len(levels)):
-        lower = _order(below[k, 1:], drawn.alpha)
-        upper = _order(above[k, 1:], 1.0 - drawn.alpha)
+        lower = _limits(lowest, levels[k], below[k, 0], drawn)[0]
+        upper = _limits(highest, levels[k], above[k, 0], drawn)[1]
         if below[k, 0] == above[k, 0]:
             sound = np.isfinite(below[k, 1:]) & (below[k, 1:] == above[k, 1:])
             error = float(np.std(below[k, 1:], ddof=1)) if np.all(sound) else None
@@ -117,7 +79,7 @@ def crossed_quantile(
     level: float,
     unit: str,
     seed: int = 0,
-    set_weights: np.ndarray | None = None,
+    set_weights: Weights = None,
 ) -> Estimate:
     """One quantile (``crossed_quantiles``)."""
     return crossed_quantiles(lowest, highest, (level,), unit, seed, set_weights)[0]
@@ -128,7 +90,7 @@ def crossed_interval_quantile(
     censored_at: np.ndarray,
     level: float,
     seed: int = 0,
-    set_weights: np.ndarray | None = None,
+    set_weights: Weights = None,
 ) -> Estimate:
     """Quantile of tamping intervals [E, R] days, censored at one horizon; not reached: None."""
     return _interval_quantiles(days, censored_at, (level,), seed, set_weights)[0]
@@ -139,7 +101,7 @@ def crossed_mean(
     unit: str,
     note: str = "",
     seed: int = 0,
-    set_weights: np.ndarray | None = None,
+    set_weights: Weights = None,
 ) -> Estimate:
     """Mean over all sets and realisations [E, R]; NaN is left out."""
     drawn = Resampling(values.shape, seed, set_weights)
@@ -161,7 +123,7 @@ def crossed_intervals(
     days: np.ndarray,
     censored_at: np.ndarray,
     levels: Sequence[float] = LEVELS,
-    set_weights: np.ndarray | None = None,
+    set_weights: Weights = None,
 ) -> list[Statistic]:
     """Quantiles and restricted mean of tamping intervals [E, R] days."""
     found = _interval_quantiles(days, censored_at, levels, 0, set_weights)
@@ -178,7 +140,7 @@ def crossed_effects(
     failed: np.ndarray,
     unit: str,
     levels: Sequence[float] = LEVELS,
-    set_weights: np.ndarray | None = None,
+    set_weights: Weights = None,
 ) -> list[Statistic]:
     """Quantiles of a paired effect [E, R], NaN where censored; its mean too if none is."""
     unknown = np.isnan(values) & ~failed
@@ -197,7 +159,7 @@ def crossed_bounded(
     at_least: np.ndarray,
     unit: str,
     levels: Sequence[float] = LEVELS,
-    set_weights: np.ndarray | None = None,
+    set_weights: Weights = None,
 ) -> list[Statistic]:
     """Quantiles of [E, R] values of which some are known only to exceed ``at_least``.
 
@@ -220,15 +182,15 @@ def _interval_quantiles(
     censored_at: np.ndarray,
     levels: Sequence[float],
     seed: int,
-    set_weights: np.ndarray | None,
+    set_weights: Weights,
 ) -> list[Estimate]:
     """Quantiles of intervals: the first day by which the share of the sample reaches the level."""
     drawn = Resampling(days.shape, seed, set_weights)
     values = np.where(np.isnan(days) & ~np.isnan(censored_at), np.inf, days)
     n, n_censored = int(np.sum(~np.isnan(values))), int(np.sum(np.isinf(values)))
     found = []
-    for sample in _quantiles(values, levels, drawn):
-        lower, upper = _order(sample[1:], drawn.alpha), _order(sample[1:], 1.0 - drawn.alpha)
+    for level, sample in zip(levels, _quantiles(values, levels, drawn), strict=True):
+        lower, upper = _limits(values, level, sample[0], drawn)
         if np.isinf(sample[0]):
             note = f"not reached by day {np.nanmax(censored_at):g}"
             found.append(Estimate(None, lower, upper, None, n, n_censored, "d", note))
@@ -308,33 +270,38 @@ def _corrected(
     return float(ends[0]), float(ends[1])
 
 
-def _checked_weights(weights: np.ndarray, n_sets: int) -> np.ndarray:
-    """Weights [E] with mean 1."""
-    found = np.asarray(weights, dtype=float)
-    sound = found.shape == (n_sets,) and bool(np.all(np.isfinite(found) & (found >= 0.0)))
-    if not sound or not np.sum(found) > 0.0:
-        raise InputError(f"weights of {n_sets} parameter sets: none negative, not all of them zero")
-    return np.asarray(found * (n_sets / np.sum(found)))
+def _limits(
+    values: np.ndarray, level: float, quantile: float, drawn: Resampling
+) -> tuple[float | None, float | None]:
+    """95 % limits of a quantile over [E, R] values, from order statistics; None where it is open.
 
-
-def _tail(sizes: Sequence[float]) -> float:
-    """Share of the resampled values to leave out on each side, for [E, R].
-
-    A percentile interval is too short for a small sample, as a normal one is that should be
-    Student's; reading it further out mends that (Hesterberg 2015, American Statistician 69).
+    What the sample is worth follows from the share below the quantile in the resamples.
     """
-    n = max(2.0, min((size for size in sizes if size > 1.0), default=2.0))
-    return float(
-        stats.norm.cdf(stats.t.ppf(0.5 - 0.5 * CONFIDENCE, n - 1) * np.sqrt(n / (n - 1.0)))
-    )
+    known = ~np.isnan(values)
+    if not np.any(known):
+        return None, None
+    below = known & (values <= quantile) & np.isfinite(values)
+    if np.isneginf(quantile):  # what is unknown below it counts as such
+        below = np.isneginf(values)
+    total = _counted(known, drawn)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = _counted(below, drawn) / total
+    others = shares[1:][np.isfinite(shares[1:])]
+    share = float(shares[0])
+    variance = float(np.var(others, ddof=1)) if len(others) > 1 else np.inf
+    n = worth(share, variance, drawn.sizes)
+    if not 0.0 < share < 1.0 and not np.isfinite(quantile):
+        n = min(drawn.sizes)
+    ends = []
+    for position in order_positions(n, level):
+        found = None if position is None else _quantiles(values, (position,), drawn, 1)[0, 0]
+        ends.append(_number(found))
+    return ends[0], ends[1]
 
 
-def _order(sample: np.ndarray, level: float) -> float | None:
-    """Quantile of bootstrap values that may be infinite or missing: None there."""
-    ordered = np.sort(sample[~np.isnan(sample)])
-    if not len(ordered):
-        return None
-    return _number(ordered[min(int(level * len(ordered)), len(ordered) - 1)])
+def _counted(chosen: np.ndarray, drawn: Resampling) -> np.ndarray:
+    """Weight [B] of the rows ``chosen`` [E, R]."""
+    return np.einsum("br,br->b", drawn.by_set @ chosen.astype(float), drawn.by_track)
 
 
 def _number(value: float | None) -> float | None:

@@ -13,9 +13,10 @@ weights favour, their tracks are any.
 
 ``effective`` = (Σw)²/Σw² sets carry the weight. Few of them are a matter of chance.
 
-Depends on: errors, estimate, nested, study, study_observed.
+Depends on: errors, estimate, resampling, study, study_observed.
 """
 
+import hashlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,7 @@ from scipy import special
 
 from mcsettle.errors import InputError
 from mcsettle.estimate import LEVELS
-from mcsettle.nested import effective
+from mcsettle.resampling import SetWeights, effective
 from mcsettle.study import Study
 from mcsettle.study_observed import ObservedTable
 
@@ -121,8 +122,57 @@ def conditioned(
     InputError
         A scenario observed has no rows.
     """
+    found = likelihood(study, variant, realisations, history)
+    n_tracks = realisations["realisation"].nunique()
+    return Conditioning(variant, found.of_tracks(np.ones((1, n_tracks)))[0])
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """Log likelihoods of the observations, before the average over the tracks.
+
+    ``sections``: of each section observed [E, R], NaN where failed. ``medians``: each median of several
+    sections and the intervals [E, R] that it is compared with, days.
+    """
+
+    sections: tuple[np.ndarray, ...]
+    medians: tuple[tuple[ObservedTable, np.ndarray], ...]
+
+    def of_tracks(self, counts: np.ndarray) -> np.ndarray:
+        """Log likelihood [B, E] of the sets where the tracks are there ``counts`` [B, R] times."""
+        total: np.ndarray | float = 0.0
+        for logs in self.sections:
+            total = total + _log_mean_of(logs, counts)
+        for entry, days in self.medians:
+            if np.all(counts == 1.0):
+                total = total + np.broadcast_to(log_median(entry, days), (len(counts), len(days)))
+                continue
+            drawn = (np.repeat(np.arange(days.shape[1]), row.astype(int)) for row in counts)
+            total = total + np.stack([log_median(entry, days[:, own]) for own in drawn])
+        return np.asarray(total)
+
+    def weights(self) -> SetWeights:
+        """Weights of the sets, computed anew for resampled tracks."""
+        parts = (*self.sections, *(days for _, days in self.medians))
+        n_tracks = parts[0].shape[1]
+        known: dict[bytes, np.ndarray] = {}
+
+        def given(counts: np.ndarray) -> np.ndarray:
+            key = hashlib.sha256(counts.tobytes()).digest()
+            if key not in known:  # every number of a summary resamples the same way
+                known.clear()
+                known[key] = _relative(self.of_tracks(counts))
+            return known[key]
+
+        return SetWeights(given(np.ones((1, n_tracks)))[0], given, n_tracks)
+
+
+def likelihood(
+    study: Study, variant: str, realisations: pd.DataFrame, history: pd.DataFrame
+) -> Likelihood:
+    """Likelihood of the study's observations, set by set and track by track; as ``conditioned``."""
     own = realisations[realisations["variant"] == variant]
-    total: np.ndarray | None = None
+    sections, medians = [], []
     for entries in sections_of(study.observed):
         logs: np.ndarray | None = None
         for entry in entries:
@@ -130,8 +180,9 @@ def conditioned(
             if rows.empty:
                 raise InputError(f"scenario '{entry.scenario}' is observed and has no rows")
             if entry.sections > 1:
-                found = log_median(entry, _days(rows))
-            elif entry.is_interval:
+                medians.append((entry, _days(rows)))
+                continue
+            if entry.is_interval:
                 found = log_interval(entry, _days(rows))
             else:
                 past = history[
@@ -139,11 +190,28 @@ def conditioned(
                 ]
                 found = log_sd(entry, sd_on(past, rows, entry.day or 0.0))
             logs = found if logs is None else logs + found
-        assert logs is not None
-        of_sets = logs if logs.ndim == 1 else log_mean(logs)
-        total = of_sets if total is None else total + of_sets
-    assert total is not None
-    return Conditioning(variant, total)
+        if logs is not None:
+            sections.append(logs)
+    return Likelihood(tuple(sections), tuple(medians))
+
+
+def _log_mean_of(logs: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """``log_mean`` [B, E] of [E, R] where the tracks are there ``counts`` [B, R] times."""
+    known = ~np.isnan(logs)
+    filled = np.where(known, logs, -np.inf)
+    highest = np.max(filled, axis=1)
+    shift = np.where(np.isfinite(highest), highest, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        total = counts @ np.exp(filled - shift[:, None]).T
+        found = shift + np.log(total / (counts @ known.T.astype(float)))
+    return np.where(total > 0.0, found, -np.inf)
+
+
+def _relative(logs: np.ndarray) -> np.ndarray:
+    """Weights [B, E] of log likelihoods, the largest of each row 1; zero where nothing is possible."""
+    highest = np.max(logs, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore"):
+        return np.where(highest > IMPOSSIBLE, np.exp(logs - highest), 0.0)
 
 
 def sections_of(observed: tuple[ObservedTable, ...]) -> list[list[ObservedTable]]:

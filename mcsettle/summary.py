@@ -5,8 +5,8 @@ between realisations (P5 to P95) is what differs between track sections and, in 
 inputs, between parameter sets; the standard error is what a larger sample would shrink. Where the study
 has observations, the same numbers with the parameter sets weighted by them stand beside (``observed``).
 
-Depends on: draws, errors, estimate, key_paths, nested, observed, place, store, study, study_schema,
-summary_spread, units.
+Depends on: draws, errors, estimate, key_paths, nested, observed, place, resampling, store, study,
+study_schema, summary_spread, units.
 """
 
 from collections.abc import Iterable, Iterator
@@ -22,8 +22,9 @@ from mcsettle.errors import InputError
 from mcsettle.estimate import LEVELS, Estimate, Statistic, summarise_effects, summarise_intervals
 from mcsettle.key_paths import input_column
 from mcsettle.nested import crossed_bounded, crossed_effects, crossed_intervals
-from mcsettle.observed import Conditioning, InputBand, weighted_bands
+from mcsettle.observed import Conditioning, InputBand, likelihood, weighted_bands
 from mcsettle.place import Folder, Place, Where, place
+from mcsettle.resampling import SetWeights, Weights, plain_weights
 from mcsettle.study import Study, study_from_text
 from mcsettle.study_schema import ReferenceTable
 from mcsettle.summary_spread import effect_spread, interval_spread, matrix
@@ -169,7 +170,7 @@ def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryR
         return
     weights = _set_weights(results, variant)
 
-    def intervals(of_sets: np.ndarray | None) -> list[Statistic]:
+    def intervals(of_sets: Weights) -> list[Statistic]:
         return _intervals(table, INTERVAL, "censored_at_days", of_sets)
 
     row = SummaryRow(variant, scenario, INTERVAL, "d", tuple(intervals(None)))
@@ -188,19 +189,25 @@ def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryR
     yield from _effect_rows(results, variant, scenario, weights)
 
 
-def _set_weights(results: Results, variant: str) -> np.ndarray | None:
-    """Weights [E] of the parameter sets given the observations; None without, or if they collapse."""
+def _set_weights(results: Results, variant: str) -> SetWeights | None:
+    """Weights of the parameter sets given the observations; None without, or if they collapse.
+
+    A fitted factor has adapted to the tracks as they are; its weights are not computed anew for others.
+    """
     found = results.conditioning(variant)
-    return found.weights if found is not None and found.usable else None
+    if found is None or not found.usable:
+        return None
+    if variant in results.study.fitted:
+        return SetWeights(found.weights)
+    own = likelihood(results.study, variant, results.realisations, results.history)
+    return replace(own.weights(), values=found.weights)
 
 
 def _renamed(statistics: Iterable[Statistic]) -> tuple[Statistic, ...]:
     return tuple(replace(s, statistic=f"conditioned_{s.statistic}") for s in statistics)
 
 
-def _intervals(
-    table: pd.DataFrame, column: str, ends: str, weights: np.ndarray | None
-) -> list[Statistic]:
+def _intervals(table: pd.DataFrame, column: str, ends: str, weights: Weights) -> list[Statistic]:
     """Statistics of a column with its censorings, crossed if there are several parameter sets."""
     if table["parameter_set"].nunique() > 1:
         found = matrix(table, column), matrix(table, ends)
@@ -214,7 +221,7 @@ def _growth_rows(
     variant: str,
     scenario: str,
     table: pd.DataFrame,
-    weights: np.ndarray | None,
+    weights: Weights,
 ) -> Iterator[SummaryRow]:
     """Growth of the SD [mm] after a year and after the days the reference gives."""
     own = input_column("limit.sd_limit_mm")  # where it differs between parameter sets
@@ -241,7 +248,7 @@ def _growth_row(
     key: tuple[str, str, str],
     table: pd.DataFrame,
     column: str,
-    weights: np.ndarray | None,
+    weights: Weights,
 ) -> SummaryRow:
     early = column == GROWTH and results.study.limit.horizon_days < DAYS_PER_YEAR
     note = "the horizon comes before day 365" if early else "the limit comes first"
@@ -251,9 +258,7 @@ def _growth_row(
     return _with_reference(results, row, table.assign(values=table[column]), weights)
 
 
-def _growth(
-    table: pd.DataFrame, column: str, note: str, weights: np.ndarray | None
-) -> tuple[Statistic, ...]:
+def _growth(table: pd.DataFrame, column: str, note: str, weights: Weights) -> tuple[Statistic, ...]:
     """Quantiles of SD growth; where the limit came first, growth is censored at the limit."""
     table = table.assign(end=table["to_limit"].where(table[column].isna(), np.nan))
     if table["parameter_set"].nunique() > 1:
@@ -289,7 +294,7 @@ def tonnage_rows(results: Results, variant: str, scenario: str) -> Iterator[Summ
 
 
 def _effect_rows(
-    results: Results, variant: str, scenario: str, weights: np.ndarray | None
+    results: Results, variant: str, scenario: str, weights: Weights
 ) -> Iterator[SummaryRow]:
     """Paired effects against the baseline: reduction, elasticity, marginal cost."""
     if results.effects.empty:
@@ -317,7 +322,7 @@ def _effect_rows(
 
 
 def _effects(
-    table: pd.DataFrame, metric: str, unit: str, weights: np.ndarray | None
+    table: pd.DataFrame, metric: str, unit: str, weights: Weights
 ) -> tuple[Statistic, ...]:
     """Statistics of a paired effect, crossed if there are several parameter sets."""
     if table["parameter_set"].nunique() == 1:
@@ -327,7 +332,7 @@ def _effects(
 
 
 def _with_reference(
-    results: Results, row: SummaryRow, table: pd.DataFrame, weights: np.ndarray | None
+    results: Results, row: SummaryRow, table: pd.DataFrame, weights: Weights
 ) -> SummaryRow:
     """The row with the published value and where it falls among the column ``values``.
 
@@ -354,7 +359,9 @@ def _with_reference(
     if weights is None:
         return row
     _, place = np.unique(table["parameter_set"].to_numpy(), return_inverse=True)
-    own = weights[place][known]
+    of_sets = plain_weights(weights)
+    assert of_sets is not None
+    own = of_sets[place][known]
     if not np.sum(own) > 0.0:
         return row
     return replace(row, conditioned_percent=100.0 * float(own @ below / np.sum(own)))

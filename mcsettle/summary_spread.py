@@ -5,7 +5,8 @@ first-order and total indices of each uncertain input, and the distribution of i
 several lengths. For the effects: how much pairing the same tracks has gained, and the cost at the mean
 interval, which is not the mean cost.
 
-Depends on: draws, economics, estimate, key_paths, line, nested, study, surrogate, units, variance.
+Depends on: draws, economics, estimate, key_paths, line, nested, resampling, study, surrogate, units,
+variance.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,10 +17,11 @@ import pandas as pd
 
 from mcsettle import economics
 from mcsettle.draws import ParameterSet
-from mcsettle.estimate import LEVELS, Estimate, Statistic
+from mcsettle.estimate import Estimate, Statistic
 from mcsettle.key_paths import input_column
 from mcsettle.line import line_means
 from mcsettle.nested import crossed_mean
+from mcsettle.resampling import Weights, plain_weights
 from mcsettle.study import Study
 from mcsettle.surrogate import total_order
 from mcsettle.units import DAYS_PER_YEAR
@@ -39,7 +41,7 @@ def interval_spread(
     study: Study,
     members: Sequence[ParameterSet],
     table: pd.DataFrame,
-    weights: np.ndarray | None = None,
+    weights: Weights = None,
 ) -> list[Statistic]:
     """Split, indices and lines of the tamping interval in one variant and scenario.
 
@@ -49,8 +51,12 @@ def interval_spread(
     days = matrix(table, INTERVAL)
     censored = np.isnan(days) & ~np.isnan(matrix(table, "censored_at_days"))
     found = list(_split(study, members, table, days, censored, weights))
-    note = "censored sections left out" if censored.any() else ""
-    return found + _lines(study, days, "d", note, weights)
+    if not censored.any():
+        return found + _lines(study, days, "d", "", weights)
+    # A section that outlasts the horizon counts with the horizon, in every mean.
+    horizon = float(np.nanmin(matrix(table, "censored_at_days")))
+    cut = np.where(censored, horizon, np.minimum(days, horizon))
+    return found + _lines(study, cut, "d", f"restricted to day {horizon:g}", weights)
 
 
 def effect_spread(
@@ -59,7 +65,7 @@ def effect_spread(
     scenario: str,
     own: pd.DataFrame,
     effects: pd.DataFrame,
-    weights: np.ndarray | None = None,
+    weights: Weights = None,
 ) -> dict[str, list[Statistic]]:
     """Split, indices, lines, pairing gain and cost at the mean interval, by metric.
 
@@ -95,34 +101,58 @@ def _split(
     table: pd.DataFrame,
     values: np.ndarray,
     censored: np.ndarray,
-    weights: np.ndarray | None,
+    weights: Weights,
 ) -> Iterator[Statistic]:
     """Variance shares, first-order and total indices; nothing with one set or one section."""
     scores, scale = spread_scores(values, censored)
     if min(scores.shape) < 2 or np.ptp(scores) == 0.0:
         return
-    split = variance_split(scores, scale, weights)
+    split = variance_split(scores, scale, plain_weights(weights))
     for part in ("parameters", "sections", "interaction"):
         share = replace(getattr(split, part), n_censored=int(censored.sum()))
         yield Statistic("variance_share", None, share, part)
     if len(scores) < LEAST_SETS or weights is not None:
         return
-    paths = [entry.input for entry in study.uncertain]
-    columns = [input_column(path) for path in paths]
-    drawn = table.groupby("parameter_set")[columns].first().to_numpy(dtype=float)
+    paths, drawn = _drawn(study, members, table)
     for path, (index, error) in zip(paths, first_order(drawn, scores), strict=True):
         bounds = index - 1.96 * error, index + 1.96 * error
         note = f"of the variance of the {scale}"
         estimate = Estimate(index, *bounds, error, scores.size, int(censored.sum()), "1", note)
         yield Statistic("first_order_index", None, estimate, path)
-    yield from _totals(members, scores, scale, int(censored.sum()))
+    yield from _totals(members, paths, scores, scale, int(censored.sum()))
+
+
+def _drawn(
+    study: Study, members: Sequence[ParameterSet], table: pd.DataFrame
+) -> tuple[list[str], np.ndarray]:
+    """Inputs that bear on the variant of ``table``, and what was drawn of them [E, D].
+
+    A fitted factor follows from the other inputs, so its draw is its share of its own posterior.
+    """
+    variant = str(table["variant"].iloc[0])
+    others = tuple(f"variants.{name}." for name in study.variant_names if name != variant)
+    paths = [e.input for e in study.uncertain if not e.input.startswith(others)]
+    sets = table.groupby("parameter_set")
+    indices = np.unique(table["parameter_set"].to_numpy(dtype=int))
+    fitted = {entry.input for entry in study.fitted.values()}
+    shares = {e: member.shares for e, member in enumerate(members)}
+    columns = [
+        [shares[e][path] for e in indices.tolist()]
+        if path in fitted
+        else sets[input_column(path)].first().to_numpy(dtype=float)
+        for path in paths
+    ]
+    return paths, np.array(columns, dtype=float).T
 
 
 def _totals(
-    members: Sequence[ParameterSet], scores: np.ndarray, scale: str, n_censored: int
+    members: Sequence[ParameterSet],
+    paths: list[str],
+    scores: np.ndarray,
+    scale: str,
+    n_censored: int,
 ) -> Iterator[Statistic]:
     """Total indices, not given where the spline through the sets does not follow them."""
-    paths = list(members[0].shares)
     shares = np.array([[m.shares[path] for path in paths] for m in members[: len(scores)]])
     found = total_order(shares, scores)
     note = (
@@ -137,15 +167,11 @@ def _totals(
 
 
 def _lines(
-    study: Study, values: np.ndarray, unit: str, note: str, weights: np.ndarray | None
+    study: Study, values: np.ndarray, unit: str, note: str, weights: Weights
 ) -> list[Statistic]:
-    rows = []
-    for line in line_means(values, study.profile.window_m, set_weights=weights):
-        subject = f"{line.length_km:g} km"
-        for level, value in zip(LEVELS, line.quantiles, strict=True):
-            estimate = Estimate(value, None, None, None, line.n, line.n_left_out, unit, note)
-            rows.append(Statistic("line_mean", level, estimate, subject))
-    return rows
+    """Mean over lines of several lengths, with its quantiles."""
+    lines = line_means(values, study.profile.window_m, set_weights=weights, unit=unit, note=note)
+    return [statistic for line in lines for statistic in line.statistics]
 
 
 def _pairing(base: np.ndarray, other: np.ndarray) -> list[Statistic]:
@@ -192,10 +218,11 @@ def _cost_at_mean(
     scenario: str,
     base: np.ndarray,
     other: np.ndarray,
-    weights: np.ndarray | None,
+    weights: Weights,
 ) -> float | None:
     """Marginal cost at the mean intervals of each parameter set, averaged over the sets."""
     found, shares = [], []
+    of_sets = plain_weights(weights)
     for e, (member, first, second) in enumerate(zip(members, base, other, strict=False)):
         change, prices = member.study.change(scenario), member.study.priced
         both = ~np.isnan(first) & ~np.isnan(second)
@@ -211,7 +238,7 @@ def _cost_at_mean(
             change.divisor,
         )
         found.append(float(cost))
-        shares.append(1.0 if weights is None else float(weights[e]))
+        shares.append(1.0 if of_sets is None else float(of_sets[e]))
     return float(np.average(found, weights=shares)) if sum(shares) > 0.0 else None
 
 

@@ -10,13 +10,19 @@ cover more, not less. ``WRONG`` are estimators that must not pass the same test.
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from scipy import optimize, stats
 
-from mcsettle import estimate, nested, surrogate, variance
-from mcsettle.estimate import Estimate
-from mcsettle.observed import log_interval, log_mean
+from mcsettle import calibration, estimate, nested, surrogate, variance
+from mcsettle.distributions import distribution
+from mcsettle.estimate import LEVELS, Estimate
+from mcsettle.factor_fit import draw_factor
+from mcsettle.line import line_means
+from mcsettle.observed import Likelihood, log_interval, log_mean, log_median
 from mcsettle.study_observed import ObservedTable
 
 OF_SET, OF_TRACK, OF_BOTH = 0.5, 0.4, 0.1  # log standard deviations of the rates
@@ -32,11 +38,15 @@ Outcome = list[tuple[Estimate, float]]
 
 @dataclass(frozen=True)
 class Experiment:
-    """One interval: ``run`` gives estimates and their truths; ``conservative``: it may cover more."""
+    """One interval: ``run`` gives estimates and their truths; ``conservative``: it may cover more.
+
+    ``least``: what it is known to cover where that is less than nominal, and docs/uncertainty.md says why.
+    """
 
     name: str
     run: Callable[[np.random.Generator], Outcome]
     conservative: bool = False
+    least: float = 0.95
 
 
 def lognormal(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -117,6 +127,55 @@ def crossed_mean_of(n: int) -> Callable[..., Outcome]:
     return lambda rng: [(nested.crossed_mean(crossed(rng, n, n), "d"), truth)]
 
 
+def line_truth(count: int, of_set: float, inner: float) -> tuple[float, ...]:
+    """P5, P50, P95 of the mean over ``count`` sections of lognormal intervals, and its mean.
+
+    From 400 000 lines and the sum's moments; beyond ten sections the sum is a Pearson III curve.
+    """
+    rng, n = np.random.default_rng(1), 400_000
+    square = np.expm1(inner**2)
+    mean = np.exp(0.5 * inner**2)
+    if count <= 10:
+        lines = np.exp(inner * rng.normal(size=(n, count))).mean(axis=1)
+    else:
+        skew = (square + 3.0) * np.sqrt(square / count)
+        lines = stats.pearson3.rvs(skew, mean, mean * np.sqrt(square / count), n, random_state=rng)
+    rates = stats.norm.ppf((rng.permutation(n) + 0.5) / n)
+    found = np.quantile(MEDIAN * lines * np.exp(of_set * rates), LEVELS)
+    return *(float(v) for v in found), float(MEDIAN * mean * np.exp(0.5 * of_set**2))
+
+
+@cache
+def known_line(count: int, nested_: bool) -> tuple[float, ...]:
+    """Truth of ``line_of``."""
+    return line_truth(
+        count, *((OF_SET, np.hypot(OF_TRACK, OF_BOTH)) if nested_ else (0.0, OF_TRACK))
+    )
+
+
+def line_of(km: float, level: int, n_sets: int, n_tracks: int) -> Callable[..., Outcome]:
+    """P5, P50, P95 or mean (``level`` 0 to 3) of the mean over ``km`` of sections of 200 m."""
+
+    def run(rng: np.random.Generator) -> Outcome:
+        days = crossed(rng, n_sets, n_tracks) if n_sets > 1 else lognormal(rng, n_tracks)[None, :]
+        line = line_means(days, 200.0, (km,))[0]
+        truth = known_line(line.sections, n_sets > 1)[level]
+        return [((*line.quantiles, line.mean)[level], truth)]
+
+    return run
+
+
+def lines_of(kms: tuple[float, ...], n_sets: int, n_tracks: int) -> tuple[Experiment, ...]:
+    """An experiment for every length and level."""
+    what = f"{n_sets} × {n_tracks}" if n_sets > 1 else f"{n_tracks} sections"
+    found = [
+        Experiment(f"line of {km:g} km, {name}, {what}", line_of(km, k, n_sets, n_tracks), True)
+        for km in kms
+        for k, name in enumerate(("P5", "P50", "P95"))
+    ]
+    return *found, Experiment(f"line, mean, {what}", line_of(kms[0], 3, n_sets, n_tracks))
+
+
 def shares(rng: np.random.Generator) -> Outcome:
     """Shares of the variance."""
     split = variance.variance_split(np.log(crossed(rng)), "logarithm")
@@ -124,28 +183,138 @@ def shares(rng: np.random.Generator) -> Outcome:
     return [(split.parameters, float(squares[0])), (split.sections, float(squares[1]))]
 
 
-def conditioned(rng: np.random.Generator) -> Outcome:
-    """Median interval of other sections, after one section's was observed; 256 sets × 40 tracks."""
+def conditioned_on(renewed: bool) -> Callable[..., Outcome]:
+    """Median interval of other sections, after one section's was observed; 256 sets × 40 tracks.
+
+    ``renewed``: the weights are computed anew for the tracks of every resample.
+    """
+
+    def run(rng: np.random.Generator) -> Outcome:
+        days = crossed(rng, 256, 40)
+        entry = ObservedTable(scenario="s", tamping_interval_days=SEEN, error_days=SEEN_ERROR)
+        weights = Likelihood((log_interval(entry, days),), ()).weights()
+        given = weights if renewed else weights.values
+        found = nested.crossed_quantile(days, days, 0.5, "d", set_weights=given)
+        return [(found, conditioned_median())]
+
+    return run
+
+
+def conditioned_line(rng: np.random.Generator) -> Outcome:
+    """Median over lines of 10 km instead."""
     days = crossed(rng, 256, 40)
     entry = ObservedTable(scenario="s", tamping_interval_days=SEEN, error_days=SEEN_ERROR)
-    logs = log_mean(log_interval(entry, days))
-    weights = np.exp(logs - logs.max())
-    found = nested.crossed_quantile(days, days, 0.5, "d", set_weights=weights)
-    return [(found, conditioned_median())]
+    weights = Likelihood((log_interval(entry, days),), ()).weights()
+    found = line_means(days, 200.0, (10.0,), set_weights=weights)[0].quantiles[1]
+    return [(found, conditioned_line_median())]
 
 
-def conditioned_median() -> float:
-    """Its truth by quadrature: p(own rate | observed) ∝ prior × E over tracks of the likelihood."""
+class KnownSearch(calibration.Search):
+    """Intervals exp(spread) 30 000 days / factor^1.5 on given tracks, instead of an engine's.
+
+    The spread grows with the factor, so that no scaling of the days is exact.
+    """
+
+    def __init__(self, z: np.ndarray) -> None:
+        self.z, self.known, self.evaluations = z, {}, 0
+        self.case: Any = SimpleNamespace(horizon=18_250.0)
+
+    def outcome(self, factor: float, days: np.ndarray | None = None) -> Any:
+        """Days of all tracks at this factor."""
+        spread = (OF_TRACK + 0.02 * np.log(factor)) * self.z
+        found = 3e4 / factor**1.5 * np.exp(spread)
+        return SimpleNamespace(
+            days=found, reached=found < self.case.horizon, failed=np.zeros(len(found), bool)
+        )
+
+
+def calibrated(rng: np.random.Generator) -> Outcome:
+    """Factor of ``mcsettle calibrate`` for a median of 697 days, from 100 tracks."""
+    factor, low, high, _ = KnownSearch(rng.normal(size=100)).interval(697.0)
+    ends = sorted([low, high], key=lambda end: np.inf if end is None else end)
+    return [(Estimate(factor, ends[0], ends[1], None, 100, 0, "1"), (3e4 / 697.0) ** (2.0 / 3.0))]
+
+
+def fitted_factor(sections: int) -> Callable[..., Outcome]:
+    """Factor that one set fits to an observed interval (or median of several): its own posterior.
+
+    The truth is drawn from the prior, the line's sections from the population, with 64 tracks to fit.
+    """
+    prior = distribution("log_uniform", {"low": 1.0, "high": 3000.0})
+
+    def run(rng: np.random.Generator) -> Outcome:
+        truth = float(np.exp(rng.uniform(*np.log([3.0, 1000.0]))))
+        log_days = np.log(3e4) + OF_TRACK * rng.normal(size=64)
+        line = np.log(3e4 / truth) + OF_TRACK * rng.normal(size=sections)
+        seen = float(np.exp(np.median(line)) * (1.0 + 0.03 * rng.normal()))
+        entry = ObservedTable(
+            scenario="s", tamping_interval_days=seen, error_days=0.03 * seen, sections=sections
+        )
+
+        def likelihood(logs: np.ndarray, wanted: np.ndarray, n_tracks: int) -> np.ndarray:
+            days = np.exp(log_days[None, :n_tracks] - wanted[:, None])
+            if sections > 1:
+                return log_median(entry, days)
+            return log_mean(log_interval(entry, days))
+
+        ends = [draw_factor(likelihood, prior, share, 1.0).factor for share in (0.025, 0.5, 0.975)]
+        return [(Estimate(ends[1], ends[0], ends[2], None, 64, 0, "1"), truth)]
+
+    return run
+
+
+def conditioned_fitted(rng: np.random.Generator) -> Outcome:
+    """Median interval of other sections where every set fits its factor; 64 sets × 64 tracks.
+
+    The Monte Carlo error alone: the observed median is what it is, and so is the truth.
+    """
+    prior = distribution("log_uniform", {"low": 1.0, "high": 3000.0})
+    entry = ObservedTable(scenario="s", tamping_interval_days=697.0, error_days=35.0, sections=100)
+    base = np.log(crossed(rng, 64, 64) / MEDIAN * 3e4)
+    rows, logs = [], []
+    for own, share in zip(base, (rng.permutation(64) + rng.random(64)) / 64.0, strict=True):
+
+        def likelihood(_: np.ndarray, wanted: np.ndarray, n: int, own: Any = own) -> np.ndarray:
+            return log_median(entry, np.exp(own[None, :n] - wanted[:, None]))
+
+        fit = draw_factor(likelihood, prior, float(share), 1.0)
+        rows.append(np.exp(own) / fit.factor)
+        logs.append(fit.log_evidence)
+    weights, days = np.exp(np.array(logs) - max(logs)), np.array(rows)
+    return [(nested.crossed_quantile(days, days, 0.5, "d", set_weights=weights), 697.0)]
+
+
+def own_posterior() -> tuple[np.ndarray, np.ndarray]:
+    """Rates [n] of a set and their probabilities given the observation: prior × E of the likelihood."""
     grid = np.linspace(-4.0, 4.0, 801)
     inner = np.hypot(OF_TRACK, OF_BOTH)
     days = MEDIAN * np.exp(-OF_SET * grid[:, None] - inner * grid[None, :])
     likelihood = np.exp(-0.5 * ((days - SEEN) / SEEN_ERROR) ** 2) @ stats.norm.pdf(grid)
     posterior = stats.norm.pdf(grid) * likelihood
-    posterior /= np.sum(posterior)
+    return grid, np.asarray(posterior / np.sum(posterior))
+
+
+def conditioned_median() -> float:
+    """Truth of ``conditioned_on`` by quadrature."""
+    grid, posterior = own_posterior()
+    inner = np.hypot(OF_TRACK, OF_BOTH)
 
     def excess(log_days: float) -> float:
         below = stats.norm.cdf((log_days - np.log(MEDIAN) + OF_SET * grid) / inner)
         return float(posterior @ below) - 0.5
+
+    return float(np.exp(optimize.brentq(excess, np.log(10.0), np.log(1e5))))
+
+
+def conditioned_line_median(count: int = 50) -> float:
+    """Truth of ``conditioned_line``: a sum of ``count`` lognormals is a Pearson III curve."""
+    grid, posterior = own_posterior()
+    square = np.expm1(OF_TRACK**2 + OF_BOTH**2)
+    mean, skew = np.sqrt(1.0 + square), (square + 3.0) * np.sqrt(square / count)
+    own = stats.pearson3(skew, mean, mean * np.sqrt(square / count))
+
+    def excess(log_days: float) -> float:
+        return float(posterior @ own.cdf(np.exp(log_days + OF_SET * grid) / MEDIAN)) - 0.5
 
     return float(np.exp(optimize.brentq(excess, np.log(10.0), np.log(1e5))))
 
@@ -207,8 +376,16 @@ EXPERIMENTS = (
     Experiment("sets × sections P50, 42 % censored, 40 × 40", crossed_censored),
     Experiment("sets × sections mean, 40 × 40", crossed_mean_of(40)),
     Experiment("sets × sections mean, 20 × 20", crossed_mean_of(20)),
+    *lines_of((1.0, 10.0, 100.0), 1, 100),
+    *lines_of((0.2, 1.0, 10.0, 100.0), 64, 64),
+    *lines_of((100.0,), 128, 64),
     Experiment("variance shares, 40 × 40", shares),
-    Experiment("conditioned P50, 256 × 40", conditioned, True),
+    Experiment("conditioned P50, 256 × 40", conditioned_on(True), True),
+    Experiment("conditioned P50 of a line of 10 km, 256 × 40", conditioned_line, True),
+    Experiment("conditioned P50, factor fitted, 64 × 64", conditioned_fitted, True),
+    Experiment("factor of calibrate, 100 tracks", calibrated, True),
+    Experiment("factor fitted to one section, 64 tracks", fitted_factor(1), least=0.89),
+    Experiment("factor fitted to the median of 100 sections, 64 tracks", fitted_factor(100), True),
     Experiment("total indices, Ishigami, 128 sets", totals, True),
     Experiment("first-order indices, Ishigami, 512 sets", firsts, True),
 )
@@ -236,7 +413,7 @@ def passes(experiment: Experiment, n: int, tolerance: float = 3.0) -> bool:
     """Whether the coverage is 95 % within ``tolerance`` standard errors (or more, where it may be)."""
     share, error = coverage(experiment, n)
     high = 1.0 if experiment.conservative else 0.95 + tolerance * error
-    return 0.95 - tolerance * error <= share <= high
+    return experiment.least - tolerance * error <= share <= high
 
 
 def _holds(found: Estimate, truth: float) -> bool:

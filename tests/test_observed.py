@@ -15,9 +15,10 @@ from mcsettle import factor_fit, store
 from mcsettle.draws import all_sets
 from mcsettle.errors import InputError
 from mcsettle.estimate import Estimate
-from mcsettle.nested import crossed_mean, crossed_quantile, effective
+from mcsettle.nested import crossed_mean, crossed_quantile
 from mcsettle.observed import Conditioning, conditioned, log_median, sd_on, weighted_bands
 from mcsettle.pipeline import run_study
+from mcsettle.resampling import effective
 from mcsettle.study import load_study
 from mcsettle.study_observed import ObservedTable
 from mcsettle.summary import read_results, summary_rows

@@ -5,7 +5,7 @@ Depends on: figures, report.curves, report.material, report.page, report.words, 
 
 from collections.abc import Iterator, Sequence
 
-from mcsettle.estimate import Statistic
+from mcsettle.estimate import Estimate, Statistic
 from mcsettle.figures.results import convergence_figure
 from mcsettle.figures.track_in_time import swings_figure
 from mcsettle.report.curves import convergence
@@ -159,15 +159,22 @@ def _lines(material: Material) -> Iterator[Block]:
             continue
         rows.append((f"{row.scenario}, {metric_words(row.metric)}, {unit_words(row.unit)}",))
         for length in dict.fromkeys(s.subject for s in found):
-            values = [s.estimate.value for s in found if s.subject == length]
-            rows.append((length, *(number(v) for v in values)))
+            rows.append((length, *(_ranged(s.estimate) for s in found if s.subject == length)))
     if rows:
         note = (
-            "P5, P50 and P95 of the mean over a line of independent sections. A price is for a line: "
-            "the spread between sections averages out along it, that of uncertain inputs does not."
+            "P5, P50, P95 and mean of the mean over a line of independent sections, each with the 95 % "
+            "interval of its Monte Carlo error; open: too few parameter sets or tracks to say how far. "
+            "A price is for a line: the spread between sections averages out along it, that of "
+            "uncertain inputs does not."
         )
-        head = ("length", "P5", "P50", "P95")
+        head = ("length", "P5", "P50", "P95", "mean")
         yield Table("Means over a line", head, tuple(rows), 1, note, small=True)
+
+
+def _ranged(estimate: Estimate) -> str:
+    """A value and its 95 % interval."""
+    low, high = (number(end, empty="open") for end in (estimate.lower, estimate.upper))
+    return f"{number(estimate.value)} [{low}, {high}]"
 
 
 def convergence_blocks(material: Material) -> Iterator[Block]:
