@@ -40,7 +40,7 @@ Outcome = list[tuple[Estimate, float]]
 class Experiment:
     """One interval: ``run`` gives estimates and their truths; ``conservative``: it may cover more.
 
-    ``least``: what it is known to cover where that is less than nominal, and docs/uncertainty.md says why.
+    ``least``: what it is known to cover where that is less than nominal; docs/uncertainty.md says why.
     """
 
     name: str
