@@ -243,6 +243,26 @@ def step_a(
     return StepA(transfers)
 
 
+def needs(study: Study, shelf: Shelf) -> set[Any]:
+    """Keys of all that ``step_a`` computes for ``study`` with a ``shelf``; equal keys, equal results.
+
+    Trains that differ in an axle load which only scales have one key each but one computation.
+    """
+    contact = study.track_table.hertz_stiffness_n_per_m
+    found = set()
+    for variant in study.variant_names:
+        track = _without_laws(study.track(variant))
+        depth = study.settlement_settings(variant).integration_depth_m
+        for scenario in study.scenario_names:
+            for service in study.timetable(scenario).services:
+                softened = softened_by(study, variant, service)
+                train = service.train
+                if softened is None:
+                    train = _as_in(train, shelf.axle_loads) or train
+                found.add((track, depth, softened, Service(train, service.speed, 1), contact))
+    return found
+
+
 def _soften_ahead(
     study: Study, shelf: Shelf, modes: np.ndarray, progress: Progress | None, workers: int
 ) -> None:
@@ -305,14 +325,22 @@ def _transfer(
 ) -> TransferFunctions:
     """One set of transfer functions, scaled from that of the train's axle load in ``axle_loads``."""
     train = service.train
+    usual = _as_in(train, axle_loads)
+    if usual is None:
+        return _computed(response, service, modes, contact, progress)
+    base = replace(service, train=usual)
+    ratio = train.cars[0].axle_load / usual.cars[0].axle_load
+    digest = transfer_digest(train, service.speed, modes, contact, response.digest)
+    return scaled_to(_computed(response, base, modes, contact, progress), ratio, digest)
+
+
+def _as_in(train: Train, axle_loads: dict[str, float]) -> Train | None:
+    """``train`` under its axle load in ``axle_loads``; None if that is its own, or it has several."""
     load, own = axle_loads.get(train.name), train.cars[0].axle_load
     unlike = len({car.axle_load for car in train.cars}) > 1 or any(c.axle_loads for c in train.cars)
     if load is None or load == own or unlike:
-        return _computed(response, service, modes, contact, progress)
-    cars = tuple(replace(car, axle_load=load) for car in train.cars)
-    base = replace(service, train=replace(train, cars=cars))
-    digest = transfer_digest(train, service.speed, modes, contact, response.digest)
-    return scaled_to(_computed(response, base, modes, contact, progress), own / load, digest)
+        return None
+    return replace(train, cars=tuple(replace(car, axle_load=load) for car in train.cars))
 
 
 def _computed(

@@ -3,8 +3,8 @@
 Parameter sets cost what they touch: sets that differ in money alone share the rows of Step B, and
 Step A is computed once for all sets that agree on what it depends on.
 
-Depends on: case, draws, engine, errors, expansion, place, pointwise, ledger, roughness, rows, scene,
-shards, step_a, store, study.
+Depends on: ahead, case, draws, engine, errors, expansion, place, pointwise, ledger, roughness, rows,
+scene, shards, step_a, store, study.
 """
 
 import contextlib
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from mcsettle import engine, expansion, ledger, rows, store
+from mcsettle.ahead import Ahead
 from mcsettle.case import Case, Outcome
 from mcsettle.draws import ParameterSet
 from mcsettle.errors import InputError, NumericalError
@@ -79,23 +80,28 @@ def compute(
 ) -> None:
     """Write the shards ``todo``."""
     twins = twins_of(job.study, members)
-    prepared, of = central, -1
-    for (index, variant, scenario), part in groupby(todo, key=lambda shard: shard.group):
-        member = members[index]
-        if job.progress is not None and len(members) > 1:
-            job.progress("Parameter sets", index, len(members))
-        twin = twins[index, variant, scenario]
-        left = [s for s in part if twin == index or not copied(job, member, twin, s)]
-        if not left:
-            continue
-        if member.failure:
-            for shard in left:
-                job.write(shard, failed_tables(member, shard, member.failure))
-            continue
-        if job.study.nested and of != index:
-            prepared, of = step_a(member.study, job.progress, processes, shelf), index
-        case = build_case(member.study, prepared, variant, scenario)
-        advance(job, member, case, left)
+    sound = {s.member: members[s.member].study for s in todo if not members[s.member].failure}
+    with Ahead(
+        sound if job.study.nested else {}, shelf or Shelf(), processes, job.progress
+    ) as ahead:
+        prepared, of = central, -1
+        for (index, variant, scenario), part in groupby(todo, key=lambda shard: shard.group):
+            member = members[index]
+            if job.progress is not None and len(members) > 1:
+                job.progress("Parameter sets", index, len(members))
+            twin = twins[index, variant, scenario]
+            left = [s for s in part if twin == index or not copied(job, member, twin, s)]
+            if not left:
+                continue
+            if member.failure:
+                for shard in left:
+                    job.write(shard, failed_tables(member, shard, member.failure))
+                continue
+            if job.study.nested and of != index:
+                ahead.wait(index)
+                prepared, of = step_a(member.study, job.progress, processes, shelf), index
+            case = build_case(member.study, prepared, variant, scenario)
+            advance(job, member, case, left)
 
 
 def twins_of(study: Study, members: list[ParameterSet]) -> dict[tuple[int, str, str], int]:

@@ -93,6 +93,7 @@ LAYERS = (
         "observed",
         "study_grounds",
         "step_a",
+        "ahead",
         "scene",
         "summary_spread",
         "summary",

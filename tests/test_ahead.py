@@ -1,0 +1,70 @@
+"""Step A of the sets to come in processes of their own: same rows, all from the cache folder."""
+
+import pytest
+from test_pipeline import everything
+from toy import COST, LOAD, SPRING, uncertain
+
+from mcsettle import ahead, step_a
+from mcsettle.ahead import Ahead
+from mcsettle.draws import all_sets
+from mcsettle.errors import NumericalError
+from mcsettle.pipeline import run_study
+from mcsettle.step_a import Shelf, needs
+from mcsettle.track import BeamTrack
+
+pytestmark = pytest.mark.usefixtures("fresh_cache")
+
+
+@pytest.fixture
+def beams_too(monkeypatch):
+    monkeypatch.setattr(ahead, "WORTHWHILE", BeamTrack)
+
+
+def test_sets_that_differ_in_loads_or_money_need_nothing_of_their_own():
+    study = uncertain(LOAD, COST)
+    shelf = Shelf.of(study)
+    own = needs(study, shelf)
+    assert all(needs(member.study, shelf) == own for member in all_sets(study))
+    assert Ahead({m.index: m.study for m in all_sets(study)}, shelf, 2).total == 0
+
+
+@pytest.mark.usefixtures("beams_too")
+def test_the_run_finds_what_was_computed_ahead(monkeypatch, tmp_path):
+    study = uncertain(SPRING, LOAD, run={"realisations": 3, "parameter_sets": 4})
+    members = all_sets(study)
+    shelf = Shelf.of(study)
+    with Ahead({m.index: m.study for m in members}, shelf, 2) as window:
+        assert window.total == 4
+        assert len(window.running) == 3  # no more than are soon wanted
+        for member in members:
+            window.wait(member.index)
+    assert (window.done, window.running, window.left) == (4, {}, [])
+    with monkeypatch.context() as patch:  # all of it is in the cache folder
+        patch.setattr(step_a, "precompute", None)
+        for member in members:
+            step_a.step_a(member.study, shelf=shelf)
+    run_study(study, tmp_path / "two", processes=2)
+    run_study(study, tmp_path / "one", processes=1)
+    assert everything(tmp_path / "two") == everything(tmp_path / "one")
+
+
+class _Failed:
+    def __init__(self, error):
+        self.error = error
+
+    def result(self):
+        raise self.error
+
+    def cancel(self):
+        return True
+
+
+def test_a_set_that_fails_ahead_is_left_to_the_run():
+    window = Ahead({}, Shelf(), 2)
+    window.running = {k: _Failed(NumericalError("no softening")) for k in range(3)}
+    window.wait(1)  # set 0 was passed: its rows were there
+    assert list(window.running) == [2]
+    assert window.done == 1
+    window.running[2].error = ValueError("a mistake in the program")
+    with pytest.raises(ValueError, match="mistake"):
+        window.wait(2)
