@@ -142,6 +142,9 @@ def _print_lines(console: Any, rows: "list[SummaryRow]") -> None:
     if not table.row_count:
         return
     console.print(table)
+    for note in dict.fromkeys(s.estimate.note for r in rows for s in r.spread if s.subject):
+        if note.startswith("restricted"):
+            console.print(f"Intervals are {note}: sections that last longer count with it.")
     console.print(
         "A line's price is the mean of its sections' costs. Uncertain inputs are the same all along "
         "a line, so their spread stays. Open: too few parameter sets or tracks to say how far.",
@@ -150,13 +153,17 @@ def _print_lines(console: Any, rows: "list[SummaryRow]") -> None:
 
 
 def _ranged(estimate: "Estimate") -> str:
-    """A value and its interval, as far as the interval has any meaning in digits."""
+    """A value and under it its interval."""
+    from rich.markup import escape
+
     if estimate.value is None:
         return "–"
-    low, high = (
-        "open" if end is None else f"{end:.3g}" for end in (estimate.lower, estimate.upper)
-    )
-    return f"{estimate.value:.4g} [{low}, {high}]"
+    ends = ("open" if end is None else _short(end) for end in (estimate.lower, estimate.upper))
+    return f"{_short(estimate.value)}\n" + escape(f"[{', '.join(ends)}]")
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
 
 
 def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:

@@ -14,7 +14,10 @@ SPEC = importlib.util.spec_from_file_location("coverage_study", PATH)
 coverage = importlib.util.module_from_spec(SPEC)
 sys.modules["coverage_study"] = coverage
 SPEC.loader.exec_module(coverage)
-QUICK = ("Kaplan", "restricted", "paired", "P50, 40", "mean, 20", "shares")
+QUICK = (
+    *("Kaplan", "restricted", "paired", "P50, 40", "mean, 20", "shares"),
+    *("of calibrate", "10 km, P50, 100"),
+)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from mcsettle import factor_fit, store
 from mcsettle.draws import all_sets
 from mcsettle.errors import InputError
 from mcsettle.estimate import Estimate
+from mcsettle.key_paths import input_column
 from mcsettle.nested import crossed_mean, crossed_quantile
 from mcsettle.observed import Conditioning, conditioned, log_median, sd_on, weighted_bands
 from mcsettle.pipeline import run_study
@@ -22,6 +23,7 @@ from mcsettle.resampling import effective
 from mcsettle.study import load_study
 from mcsettle.study_observed import ObservedTable
 from mcsettle.summary import read_results, summary_rows
+from mcsettle.summary_spread import _drawn
 from mcsettle.variance import variance_split
 
 OF_SET, OF_TRACK = 0.8, 0.4
@@ -308,3 +310,21 @@ def test_observations_added_to_a_finished_run_weight_it(tmp_path):
     assert bands[LOAD["input"]].drawn[1] == np.sort(drawn)[3]
     run_study(plain, tmp_path)
     assert read_results(tmp_path).conditioning("base") is None
+
+
+def test_a_factor_of_another_variant_explains_nothing_of_this_one():
+    fitted = {**FACTOR, "input": "variants.b.settlement_factor"}
+    study = uncertain(N0, fitted, observed=[INTERVAL], variants=[{"name": "a"}, {"name": "b"}])
+    members = all_sets(study)
+    table = pd.DataFrame({"parameter_set": np.repeat([m.index for m in members], 2)})
+    for entry in (N0, fitted):
+        table[input_column(entry["input"])] = np.repeat(
+            [m.values[entry["input"]] for m in members], 2
+        )
+    paths, _ = _drawn(study, members, table.assign(variant="a"))
+    assert paths == [N0["input"]]
+    paths, drawn = _drawn(study, members, table.assign(variant="b"))
+    assert paths == [N0["input"], fitted["input"]]
+    np.testing.assert_array_equal(drawn[:, 0], [m.values[N0["input"]] for m in members])
+    # What is fitted follows from the other inputs; its share of its own posterior does not.
+    np.testing.assert_array_equal(drawn[:, 1], [m.shares[fitted["input"]] for m in members])
