@@ -6,25 +6,29 @@ answers are those that Step B lives on, for a unit load at 60 m/s: rail deflecti
 load, vertical stress in every layer below it, and the track compliance at two driving frequencies.
 
 Mesh, border and wavenumbers are compared by direct solutions (spectra at a few wavenumbers,
-polynomials between them); quadrature and tolerance by the reduced bases themselves.
+polynomials between them); quadrature and tolerance by the reduced bases themselves. What a level
+gave is kept in the cache folder: a study goes on where it stopped, choice by choice if need be.
 
-Depends on: fem25d, track.
+Depends on: fem25d, files, track.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from mcsettle.fem25d import MeshSettings, Settings, section_response
+from mcsettle.fem25d.cache import FORMAT, digest_of, read_arrays, write_arrays
 from mcsettle.fem25d.depth import depth_grid
 from mcsettle.fem25d.moving import rail_coupling
 from mcsettle.fem25d.pml import Border
 from mcsettle.fem25d.quadrature import wavenumber_quadrature
 from mcsettle.fem25d.section import track_section
 from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.files import cache_folder
 from mcsettle.track import CASE_STUDY_TRACK, SectionTrack
 
 SPEED = 60.0  # m/s
@@ -41,7 +45,7 @@ class Numerics:
 
     mesh: MeshSettings = MeshSettings()
     depth: float = DEPTH
-    count: int = 24
+    count: int = 16
     largest: float = 8.0
 
 
@@ -95,6 +99,10 @@ CHOICES: dict[str, tuple[tuple[str, float | None, Numerics], ...]] = {
 }
 BASES = "tolerance of the bases"
 PANELS = "quadrature panel [rad/m]"
+BASE_LEVELS: dict[str, tuple[str, tuple[float, ...]]] = {
+    PANELS: ("panel", (0.09, 0.045, 0.0225)),
+    BASES: ("tolerance", (1e-2, 1e-3, 1e-4)),
+}
 
 
 def study_convergence(
@@ -109,20 +117,40 @@ def study_convergence(
     ValueError
         If a name is unknown.
     """
-    known = (*CHOICES, PANELS, BASES)
+    known = (*CHOICES, *BASE_LEVELS)
     wanted = known if choices is None else choices
     unknown = sorted(set(wanted) - set(known))
     if unknown:
         raise ValueError(f"unknown choice {', '.join(unknown)}; choose from {', '.join(known)}")
-    kept: dict[Numerics, dict[str, complex]] = {}
-    levels: list[Level] = []
-    for done, name in enumerate(wanted):
+    steps = sum(len(CHOICES[n] if n in CHOICES else BASE_LEVELS[n][1]) for n in wanted)
+    done = itertools.count(1)
+
+    def step() -> None:
         if progress is not None:
-            progress("Convergence", done, len(wanted))
-        levels += _bases(track, name) if name in (PANELS, BASES) else _levels(track, name, kept)
-    if progress is not None:
-        progress("Convergence", len(wanted), len(wanted))
+            progress("Convergence", next(done), steps)
+
+    levels: list[Level] = []
+    for name in wanted:
+        levels += (_levels if name in CHOICES else _bases)(track, name, step)
     return levels
+
+
+def _kept(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
+    """``answers``, from the cache folder where they are known."""
+    plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+    key = digest_of({"format": FORMAT, "track": asdict(plain), "numerics": asdict(numerics),
+                     "answers": [SPEED, *OMEGAS]})  # fmt: skip
+    path = cache_folder() / f"convergence-{key[:32]}.npz"
+    found = read_arrays(
+        path,
+        "convergence",
+        lambda a: dict(zip(a["names"].tolist(), a["values"].tolist(), strict=True)),
+    )
+    if found is None:
+        found = answers(track, numerics)
+        values = np.array(list(found.values()), dtype=np.complex128)
+        write_arrays(path, {"names": np.array(list(found)), "values": values})
+    return found
 
 
 def answers(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
@@ -175,15 +203,13 @@ def _stresses(track: SectionTrack, depth: float, vertical: np.ndarray) -> dict[s
     return found
 
 
-def _levels(
-    track: SectionTrack, name: str, kept: dict[Numerics, dict[str, complex]]
-) -> Iterator[Level]:
+def _levels(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator[Level]:
     entries = CHOICES[name]
+    values = []
     for _, _, numerics in entries:
-        if numerics not in kept:
-            kept[numerics] = answers(track, numerics)
-    finest = kept[entries[-1][2]]
-    values = [kept[numerics] for _, _, numerics in entries]
+        values.append(_kept(track, numerics))
+        step()
+    finest = values[-1]
     for i, (text, size, numerics) in enumerate(entries[:-1]):
         order = None
         if size is not None and i + 2 < len(entries):
@@ -210,15 +236,17 @@ def _order(entries: Any, values: list[complex]) -> float | None:
     return float(orders[np.argmin(np.abs(ratio - first / second))])
 
 
-def _bases(track: SectionTrack, name: str) -> Iterator[Level]:
+def _bases(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator[Level]:
     """Levels of the reduced bases' own choices, by the response that Step B sees."""
-    if name == PANELS:
-        levels = {f"{p:g}": replace(Settings(), panel=p) for p in (0.09, 0.045, 0.0225)}
-    else:
-        levels = {f"{t:g}": replace(Settings(), tolerance=t) for t in (1e-2, 1e-3, 1e-4)}
-    values = [_of_response(track, settings) for settings in levels.values()]
-    for (text, settings), own in list(zip(levels.items(), values, strict=True))[:-1]:
-        yield Level(name, text, settings == Settings(), _changes(own, values[-1]))
+    key, numbers = BASE_LEVELS[name]
+    levels = [replace(Settings(), **{key: number}) for number in numbers]
+    values = []
+    for settings in levels:
+        values.append(_of_response(track, settings))
+        step()
+    for settings, own in list(zip(levels, values, strict=True))[:-1]:
+        changes = _changes(own, values[-1])
+        yield Level(name, f"{getattr(settings, key):g}", settings == Settings(), changes)
 
 
 def _of_response(track: SectionTrack, settings: Settings) -> dict[str, complex]:
@@ -238,16 +266,17 @@ def _of_response(track: SectionTrack, settings: Settings) -> dict[str, complex]:
 
 
 def convergence_table(levels: list[Level]) -> str:
-    """Plain text: one line a level, the default ones marked."""
+    """Markdown that reads as plain text: one line a level, the default ones marked."""
     names = list(dict.fromkeys(name for level in levels for name in level.changes))
-    head = ("choice", "level", "", *names, "order")
-    rows = [head]
+    rows = [("choice", "level", *names, "order")]
     for level in levels:
         cells = [f"{level.changes[n]:.1e}" if n in level.changes else "" for n in names]
         order = "" if level.order is None else f"{level.order:.1f}"
-        rows.append((level.choice, level.value, "default" if level.default else "", *cells, order))
-    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    lines = [
-        "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]
-    return "\n".join(lines)
+        value = level.value + (" (default)" if level.default else "")
+        rows.append((level.choice, value, *cells, order))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    rows.insert(1, tuple("-" * width for width in widths))
+    return "\n".join(
+        "| " + " | ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) + " |"
+        for row in rows
+    )

@@ -46,9 +46,34 @@ def test_orders_of_known_errors():
 def test_table_marks_the_defaults_and_names_are_checked():
     levels = [Level("size", "0.2", False, {"deflection": 1e-3}, 2.1),
               Level("size", "0.1", True, {"deflection": 2e-4, "stress": 1e-3})]  # fmt: skip
-    head, first, second = convergence_table(levels).splitlines()
-    assert head.split() == ["choice", "level", "deflection", "stress", "order"]
-    assert first.split() == ["size", "0.2", "1.0e-03", "2.1"]
-    assert "default" in second
+    lines = [[c.strip() for c in line.strip("|").split("|")] for line in
+             convergence_table(levels).splitlines()]  # fmt: skip
+    assert lines[0] == ["choice", "level", "deflection", "stress", "order"]
+    assert set(lines[1][0]) == {"-"}
+    assert lines[2] == ["size", "0.2", "1.0e-03", "", "2.1"]
+    assert lines[3] == ["size", "0.1 (default)", "2.0e-04", "1.0e-03", ""]
     with pytest.raises(ValueError, match="choose from"):
         convergence.study_convergence(choices=("mesh",))
+
+
+def test_a_study_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    monkeypatch.setenv("MCSETTLE_CACHE", str(tmp_path))
+    asked, said = [], []
+
+    def made_up(track, numerics):
+        asked.append(numerics)
+        return {"deflection": 1.0 + numerics.largest, "stress, ballast": 2.0 + 1j}
+
+    monkeypatch.setattr(convergence, "answers", made_up)
+    name = "largest wavenumber [rad/m]"
+    first = convergence.study_convergence(choices=(name,), progress=lambda *s: said.append(s))
+    assert len(asked) == 3
+    assert said == [("Convergence", n, 3) for n in (1, 2, 3)]
+    assert convergence.study_convergence(choices=(name,)) == first
+    assert len(asked) == 3
+    assert [level.default for level in first] == [False, True]
+    assert first[0].changes["deflection"] == pytest.approx(8.0 / 13.0)
+    assert first[0].changes["stress, ballast"] == 0.0
+    # Another choice shares its default level, no more.
+    convergence.study_convergence(choices=("wavenumbers",))
+    assert len(asked) == 5
