@@ -239,7 +239,8 @@ def _order(entries: Any, values: list[complex]) -> float | None:
 def _bases(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator[Level]:
     """Levels of the reduced bases' own choices, by the response that Step B sees."""
     key, numbers = BASE_LEVELS[name]
-    levels = [replace(Settings(), **{key: number}) for number in numbers]
+    changed: list[dict[str, Any]] = [{key: number} for number in numbers]
+    levels = [replace(Settings(), **change) for change in changed]
     values = []
     for settings in levels:
         values.append(_of_response(track, settings))
