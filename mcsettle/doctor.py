@@ -23,6 +23,13 @@ LIBRARIES = (
     "typer", "pint", "jinja2", "taichi",
 )  # fmt: skip
 TAICHI = "1.7.4"
+# What may be installed besides: extra, its library, the version it has to be (None: any), what it is for.
+EXTRAS = (
+    ("distributed", "distributed", "2026.8.0", "run --scheduler"),
+    ("pdf", "playwright", None, "report --pdf"),
+    ("xlsx", "XlsxWriter", None, "export to a workbook"),
+)
+STORES = {"s3": "S3FileSystem", "gs": "GcsFileSystem", "abfs": "AzureFileSystem"}
 PRECISION = 1e-13  # of the smoke kernel: some hundred roundings of double precision
 LEAST_DISK = 2 * 1024**3  # bytes: a large study's results and its cache
 LEFTOVER_AGE = 3600.0  # s, after which an unfinished cache file belongs to no running process
@@ -42,7 +49,7 @@ class Check:
 def examine() -> list[Check]:
     """Look at everything; never raises."""
     checks: tuple[Callable[[], Check], ...] = (
-        _python, _libraries, _threads, _taichi, _cache, _stale, _disk,
+        _python, _libraries, _extras, _stores, _threads, _taichi, _cache, _stale, _disk,
     )  # fmt: skip
     return [_guarded(check) for check in checks]
 
@@ -79,6 +86,36 @@ def _libraries() -> Check:
     if f"taichi {TAICHI}" not in versions:
         return Check("libraries", "failed", found, f"pip install taichi=={TAICHI}")
     return Check("libraries", "ok", found)
+
+
+def _extras() -> Check:
+    """Optional libraries: missing ones are told with what they would do, and are no fault."""
+    told, wrong = [], []
+    for extra, library, wanted, purpose in EXTRAS:
+        install = f"pip install 'mcsettle[{extra}]'"
+        try:
+            version = importlib.metadata.version(library)
+        except importlib.metadata.PackageNotFoundError:
+            told.append(f"{extra} not installed ({install} for {purpose})")
+            continue
+        told.append(f"{library} {version}")
+        if wanted not in (None, version):
+            wrong.append(f"{install}: {purpose} wants {library} {wanted} everywhere")
+    return Check("extras", "note" if wrong else "ok", ", ".join(told), "; ".join(wrong))
+
+
+def _stores() -> Check:
+    """Which object stores the installed pyarrow was built for; nothing is reached."""
+    import pyarrow
+    from pyarrow import fs
+
+    missing = [scheme for scheme, name in STORES.items() if not hasattr(fs, name)]
+    told = [f"{scheme}:// {'no' if scheme in missing else 'yes'}" for scheme in STORES]
+    found = f"{', '.join(told)} (pyarrow {pyarrow.__version__})"
+    if not missing:
+        return Check("object stores", "ok", found)
+    advice = "for those that are missing install another build of pyarrow, such as pip's own"
+    return Check("object stores", "note", found, advice)
 
 
 def _threads() -> Check:

@@ -30,6 +30,9 @@ from mcsettle import files, step_a
 from mcsettle.kernels import runtime, spectral  # noqa: F401
 from mcsettle.study import load_study
 
+SHARDS = 8  # of the study as the tests give it
+OTHERS = 10  # writes of a run besides three a shard: lock, provenance, effects, summary, manifest …
+
 
 def die_in_write(nth: int, where: str) -> None:
     """Kill this process at its ``nth`` write of a file: "before" it, "half" way, or "after" it."""
@@ -88,14 +91,16 @@ def main() -> None:
     os.waitpid(child(study, out.with_name("probe")), 0)
     longest = 1.2 * (time.monotonic() - began)  # of a whole run, on this machine as it is now
     while told["killed"] < kills:
-        nth = rng.randrange(1, 40) if rng.random() < 0.5 else 0
+        left = SHARDS - len(list((out / ".shards").glob("*.json")))
+        nth = rng.randrange(1, 3 * left + OTHERS) if rng.random() < 0.5 else 0
         where = rng.choice(("before", "half", "after"))
         pid = child(study, out, nth, where)
-        status = await_or_kill(pid, math.inf if nth else rng.uniform(0.0, longest))
+        until = rng.uniform(0.0, longest * (1 + left / SHARDS) / 2)  # half of a run is its start
+        status = await_or_kill(pid, math.inf if nth else until)
         if status is None or (os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL):
             told["killed"] += 1
             told["by_time" if status is None else where] += 1
-            told["left_unfinished"] += any((out / files.ASIDE).glob("*"))
+            told["left_unfinished"] += any((out / files.ASIDE).glob(f"*.{pid}"))
         elif status:
             sys.exit(f"a run ended with status {status}")
         else:  # finished: begin again with some shards gone

@@ -1,5 +1,6 @@
 """doctor and validate: what they print, what they return, what they say where something is wrong."""
 
+import importlib.metadata
 import json
 import os
 import subprocess
@@ -44,6 +45,39 @@ def test_limits_are_those_of_the_project(root: Path) -> None:
     assert f"taichi=={doctor.TAICHI}" in project["dependencies"]
     wanted = {d.split(">")[0].split("=")[0] for d in project["dependencies"]}
     assert set(doctor.LIBRARIES) == wanted
+    for extra, library, version, _ in doctor.EXTRAS:
+        (needed,) = project["optional-dependencies"][extra]
+        assert needed == f"{library}=={version}" if version else needed.startswith(f"{library}>=")
+
+
+def test_extras_are_told_and_missing_ones_are_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = check("extras")
+    assert found.state == "ok"
+    assert f"distributed {importlib.metadata.version('distributed')}" in found.found
+    kept = importlib.metadata.version
+
+    def bare(name: str) -> str:
+        if name == "distributed":
+            raise importlib.metadata.PackageNotFoundError(name)
+        return kept(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", bare)
+    assert check("extras").state == "ok"
+    assert "pip install 'mcsettle[distributed]' for run --scheduler" in check("extras").found
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: "0.1")
+    assert check("extras").state == "note"
+    assert "wants distributed" in check("extras").advice
+
+
+def test_object_stores_of_this_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    from pyarrow import fs
+
+    for name in doctor.STORES.values():
+        monkeypatch.setattr(fs, name, object, raising=False)
+    assert check("object stores").found.startswith("s3:// yes, gs:// yes, abfs:// yes")
+    monkeypatch.delattr(fs, "AzureFileSystem")
+    assert "abfs:// no" in check("object stores").found
+    assert check("object stores").state == "note"
 
 
 def test_each_failure_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
