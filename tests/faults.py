@@ -91,7 +91,7 @@ def main() -> None:
     os.waitpid(child(study, out.with_name("probe")), 0)
     longest = 1.2 * (time.monotonic() - began)  # of a whole run, on this machine as it is now
     while told["killed"] < kills:
-        left = SHARDS - len(list((out / ".shards").glob("*.json")))
+        left = SHARDS - len(list((out / "realisations").glob("*.parquet")))
         nth = rng.randrange(1, 3 * left + OTHERS) if rng.random() < 0.5 else 0
         where = rng.choice(("before", "half", "after"))
         pid = child(study, out, nth, where)

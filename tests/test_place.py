@@ -1,6 +1,10 @@
 """Folders and object stores behind one set of verbs; whole runs into a local S3 server."""
 
 import os
+import re
+import socket
+import subprocess
+import sys
 import urllib.request
 from pathlib import Path
 
@@ -45,11 +49,34 @@ def bucket():
     server.stop()
 
 
-@pytest.fixture(params=["folder", "store"])
-def at(request, bucket, tmp_path):
-    return (
-        place(tmp_path / "x") if request.param == "folder" else place(f"{bucket}/{tmp_path.name}")
+@pytest.fixture(scope="module")
+def google():
+    """URL of a run in a bucket of a server on this machine, in a process of its own.
+
+    Google's client keeps the interpreter's lock while it waits, so the server cannot be a thread.
+    """
+    pytest.importorskip("gcp_storage_emulator")
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = str(probe.getsockname()[1])
+    server = [sys.executable, "-W", "ignore", "-m", "gcp_storage_emulator", "start", "-q", "-M"]
+    process = subprocess.Popen(
+        [*server, "-H", "127.0.0.1", "--port", port, "--default-bucket", "bucket"]
     )
+    where = f"?scheme=http&endpoint_override=127.0.0.1:{port}&retry_limit_seconds=60"
+    place(f"gs://anonymous@bucket/wait{where}").exists()  # until it answers
+    yield lambda name: f"gs://anonymous@bucket/{name}{where}"
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture(params=["folder", "s3", "gs"])
+def at(request, tmp_path):
+    if request.param == "folder":
+        return place(tmp_path / "x")
+    if request.param == "gs":
+        return place(request.getfixturevalue("google")(tmp_path.name))
+    return place(f"{request.getfixturevalue('bucket')}/{tmp_path.name}")
 
 
 def test_verbs(at):
@@ -92,6 +119,54 @@ def test_a_store_that_cannot_be_reached_is_told_in_words(bucket, url):
         place(url).write("x", b"")
 
 
+AZURE = "abfs://container@account.dfs.core.windows.net/run"
+
+
+SAID = "check the URL and the credentials"
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("gcs://anonymous@b/x?endpoint_override=127.0.0.1:9&scheme=http", f"gcs://b/x: .*{SAID}"),
+        ("gs://bucket/run?such=1", "cannot be used: Unexpected query parameter.*such"),
+        ("abfs://container/run", "cannot be used: .*account"),
+        ("abfss://c@a/run?such=1", "cannot be used: Unexpected query parameter.*such"),
+    ],
+)
+def test_urls_of_other_stores_are_pyarrows(url, said):
+    with pytest.raises(InputError, match=said):
+        place(url).exists()
+
+
+@pytest.mark.parametrize("url", ["gs://bucket/run", AZURE])
+def test_without_credentials_other_stores_say_so(url, tmp_path):
+    """Through the command, in a process that finds none: soon, in words, without a trace."""
+    environment = {
+        "PATH": os.defpath,
+        "HOME": str(tmp_path),
+        "GOOGLE_APPLICATION_CREDENTIALS": str(tmp_path / "none.json"),
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", "from mcsettle.cli.app import main; main()", "status", url],
+        capture_output=True, text=True, check=False, env=environment, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert re.search(f"{url}: .*{SAID}", " ".join(done.stderr.split())), done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_what_is_secret_in_a_url_is_not_shown():
+    for url, shown in (
+        ("abfs://account:key@account.dfs.core.windows.net/c/run", "abfs://account.dfs.core.windows.net/c/run"),
+        (AZURE, AZURE),
+        ("gs://anonymous@bucket/run?scheme=http", "gs://bucket/run"),
+    ):  # fmt: skip
+        assert str(place(url)) == shown
+
+
 def test_pipes_and_devices_are_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     os.symlink("/dev/zero", tmp_path / "zero")
@@ -103,10 +178,15 @@ def test_pipes_and_devices_are_not_read(tmp_path):
         place(tmp_path).names()
 
 
-def test_a_run_in_a_store_is_the_run_in_a_folder(bucket, tmp_path):
+@pytest.mark.parametrize("kind", ["s3", "gs"])
+def test_a_run_in_a_store_is_the_run_in_a_folder(kind, request, tmp_path):
     """Slices, status, gather, growth, summary: object by object the bytes of the folder."""
     study = toy.study(run={"realisations": N})
-    url, folder = f"{bucket}/runs/one", tmp_path / "folder"
+    folder = tmp_path / "folder"
+    if kind == "gs":
+        url = request.getfixturevalue("google")("runs/one")
+    else:
+        url = f"{request.getfixturevalue('bucket')}/runs/one"
     run_study(study, folder, shard_size=SIZE)
     for i in (2, 1):
         run_study(study, url, shards=Slice(i, 2), shard_size=SIZE)
