@@ -1,6 +1,6 @@
 """``mcsettle run``, ``status``, ``gather``: what they call, and what they say.
 
-Depends on: closing, cluster, errors, files, lock, pipeline, shards, study (types), cli.batches,
+Depends on: closing, cluster, errors, files, lock, pipeline, shards, study (types), survey, cli.batches,
 cli.edge, cli.planning, mcsettle.kernels.
 """
 
@@ -18,9 +18,9 @@ from mcsettle.files import is_url
 from mcsettle.place import place
 
 if TYPE_CHECKING:
-    from mcsettle.closing import Survey
     from mcsettle.pipeline import Finished
     from mcsettle.study import Study
+    from mcsettle.survey import Survey
 
 MOST_SHOWN = 10
 
@@ -120,7 +120,7 @@ def gather(folder: str, take_over: bool) -> None:
 
 def status(folder: str) -> "Survey":
     """What a results folder holds."""
-    from mcsettle.closing import survey
+    from mcsettle.survey import survey
 
     if not place(folder).exists():
         raise InputError(f"{folder} is no folder; 'mcsettle run STUDY --out {folder}' makes one")

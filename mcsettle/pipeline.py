@@ -5,7 +5,7 @@ and parameter set; each shard is written whole or not at all, so an interrupted 
 stopped and the tables do not depend on batches, threads, slices or pauses.
 
 Depends on: closing, draws, errors, factor_fit, ledger, lock, place, scene, shards, step_a, step_b,
-store, study, summary, tables.
+store, study, summary, survey, tables.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import mcsettle
 from mcsettle import lock, store
-from mcsettle.closing import close, count_failed, held_shards, refuse_smaller
+from mcsettle.closing import close, count_failed
 from mcsettle.draws import ParameterSet, all_sets
 from mcsettle.errors import InputError
 from mcsettle.factor_fit import fit_sets
@@ -25,6 +25,7 @@ from mcsettle.step_a import Progress, Shelf, StepA, step_a
 from mcsettle.step_b import Job, compute
 from mcsettle.study import Study, resolved_toml
 from mcsettle.summary import STUDY_FILE, study_of
+from mcsettle.survey import held_shards, refuse_smaller
 from mcsettle.tables import TABLES
 
 __all__ = ["Finished", "build_case", "initial_profiles", "run_study", "sample_days"]

@@ -3,7 +3,7 @@
 Every batch is a run of its own with more realisations in the same folder, so the folder is that of a
 plain run of the size reached, byte for byte, and goes on from there.
 
-Depends on: closing, errors, estimate, pipeline, place, study, summary.
+Depends on: errors, estimate, pipeline, place, study, summary, survey.
 """
 
 import re
@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from mcsettle.closing import held_shards
 from mcsettle.errors import InputError
 from mcsettle.estimate import LEVELS, Estimate
 from mcsettle.pipeline import Finished, run_study
 from mcsettle.place import Where, place
 from mcsettle.study import Study
 from mcsettle.summary import SummaryRow, read_results, summary_rows
+from mcsettle.survey import held_shards
 
 FIRST_BATCH = 64
 METRICS = {

@@ -9,14 +9,14 @@ DIR is a folder, or a prefix of an object store (``place``). Names come from con
 clock, and the same data gives the same bytes. What is read is bounded, checked against the manifest
 where there is one, and never evaluated.
 
-Depends on: errors, files, parquet, place, tables.
+Depends on: errors, files, manifest, parquet, place, provenance, tables.
 """
 
 import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -25,37 +25,26 @@ import pyarrow as pa
 from mcsettle import parquet
 from mcsettle.errors import InputError
 from mcsettle.files import write_text as write_text
-from mcsettle.place import Place, Where, place
+from mcsettle.manifest import FORMAT, listed_in, refuse_strays, sound, visible
+from mcsettle.manifest import MANIFEST as MANIFEST
+from mcsettle.manifest import is_finished as is_finished
+from mcsettle.manifest import lists as lists
+from mcsettle.manifest import verify as verify
+from mcsettle.place import Where, place
+from mcsettle.provenance import LARGEST_TEXT as LARGEST_TEXT
+from mcsettle.provenance import PROVENANCE as PROVENANCE
+from mcsettle.provenance import SHARD as SHARD
+from mcsettle.provenance import Provenance as Provenance
+from mcsettle.provenance import provenance_of as provenance_of
+from mcsettle.provenance import read_json as read_json
+from mcsettle.provenance import read_provenance as read_provenance
+from mcsettle.provenance import refuse_difference as refuse_difference
+from mcsettle.provenance import same_study as same_study
 from mcsettle.tables import TABLES, data_dictionary, schema_of
 
 Values = Sequence[Any] | np.ndarray
 
-PROVENANCE = "provenance.json"
-MANIFEST = "manifest.json"
 DICTIONARY = "data_dictionary.csv"
-FORMAT = 1  # of the manifest
-SHARD = 2048  # realisations of a shard, unless a run says otherwise
-LARGEST_TEXT = 4_000_000  # bytes of a text file that is read
-LARGEST_MANIFEST = 1_000_000_000
-
-
-@dataclass(frozen=True)
-class Provenance:
-    """What decides the bytes of a results folder; shards of different provenance do not mix."""
-
-    package_version: str
-    study_digest: str
-    transfer_digest: str
-    seed: int
-    taichi_version: str
-    precision: str
-    lanes: int
-    shard_realisations: int = SHARD
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 [hex] of it."""
-        return hashlib.sha256(_json(asdict(self)).encode()).hexdigest()
 
 
 def prepare(folder: Where, provenance: Provenance, finished: bool = False) -> None:
@@ -75,89 +64,6 @@ def prepare(folder: Where, provenance: Provenance, finished: bool = False) -> No
         at.write(PROVENANCE, text.encode())
     if not finished:
         at.remove(MANIFEST)
-
-
-def same_study(folder: Where, provenance: Provenance) -> bool:
-    """Whether ``folder`` holds results of this provenance; False where it holds none.
-
-    Raises
-    ------
-    InputError
-        If it holds results of another provenance: the message names the differences.
-    """
-    at = place(folder)
-    held = provenance_of(at)
-    if held is None:
-        return False
-    refuse_difference(asdict(held), asdict(provenance), f"'{at}'", "give another folder")
-    return True
-
-
-def provenance_of(at: Place) -> Provenance | None:
-    """Provenance of a results folder, None where there is no such folder yet.
-
-    Raises
-    ------
-    InputError
-        It is damaged.
-    """
-    try:
-        at.read(PROVENANCE, LARGEST_TEXT)
-    except FileNotFoundError:
-        return None
-    return read_provenance(at)
-
-
-def read_provenance(folder: Where) -> Provenance:
-    """Provenance of a results folder.
-
-    Raises
-    ------
-    InputError
-        If the folder is not a results folder or its provenance cannot be read.
-    """
-    at = place(folder)
-    try:
-        data = read_json(at, PROVENANCE, LARGEST_TEXT)
-    except FileNotFoundError as error:
-        raise InputError(
-            f"'{at}' is not a results folder: {PROVENANCE} cannot be read "
-            f"({error.strerror}); give the folder of a run"
-        ) from error
-    try:
-        found = Provenance(**data)
-    except TypeError as error:
-        raise InputError(
-            f"'{at}/{PROVENANCE}' is damaged ({error}); start again in another folder"
-        ) from error
-    for entry in fields(Provenance):
-        value = getattr(found, entry.name)
-        if type(value) is not entry.type or (entry.type is int and not 0 <= value < 2**63):
-            raise InputError(
-                f"'{at}/{PROVENANCE}' is damaged ({entry.name} is {str(value)[:40]!r}); "
-                "start again in another folder"
-            )
-    return found
-
-
-def read_json(at: Place, name: str, largest: int) -> dict[str, Any]:
-    """A JSON object of a results folder.
-
-    Raises
-    ------
-    FileNotFoundError
-        There is none.
-    InputError
-        It is damaged or too large.
-    """
-    try:
-        data = json.loads(at.text(name, largest))
-    except (ValueError, RecursionError) as error:
-        remedy = "start again in another folder" if name == PROVENANCE else "resume the run"
-        raise InputError(f"'{at}/{name}' is damaged ({error}); {remedy}") from error
-    if not isinstance(data, dict):
-        raise InputError(f"'{at}/{name}' is damaged (no JSON object); resume the run")
-    return data
 
 
 def shard_name(
@@ -278,12 +184,12 @@ def read(folder: Where, table: str) -> pa.Table:
     at = place(folder)
     provenance = read_provenance(at)
     names = at.names(table)
-    listed = _listed(at)
+    listed = listed_in(at)
     if listed is not None:
-        _refuse_strays(at, names, [name for name in listed if name.startswith(f"{table}/")])
+        refuse_strays(at, names, [name for name in listed if name.startswith(f"{table}/")])
     if not names:
         raise InputError(f"'{at}' holds no table '{table}'; run the study first")
-    parts = [_shard(_sound(at, name, listed), f"{at}/{name}", table, provenance) for name in names]
+    parts = [_shard(sound(at, name, listed), f"{at}/{name}", table, provenance) for name in names]
     try:
         data = pa.concat_tables(parts)
     except pa.ArrowInvalid as error:
@@ -306,7 +212,7 @@ def read_file(folder: Where, name: str, largest: int = LARGEST_TEXT) -> bytes:
         It is missing, damaged or too large.
     """
     at = place(folder)
-    return _sound(at, name, _listed(at), largest)
+    return sound(at, name, listed_in(at), largest)
 
 
 def shard_columns(folder: Where, table: str, name: str) -> dict[str, list[Any]]:
@@ -338,8 +244,8 @@ def finish(folder: Where) -> None:
     provenance = read_provenance(at)
     at.write(DICTIONARY, data_dictionary().encode())
     files = []
-    for name in _visible(at):
-        data = _sound(at, name, None)
+    for name in visible(at):
+        data = sound(at, name, None)
         entry: dict[str, Any] = {"path": name}
         if name.endswith(".parquet"):
             entry["rows"] = _shard(data, f"{at}/{name}", name.split("/")[0], provenance).num_rows
@@ -348,79 +254,6 @@ def finish(folder: Where) -> None:
     manifest = {"schema_version": FORMAT, "provenance": asdict(provenance), "files": files}
     at.write(MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
     at.tidy()
-
-
-def is_finished(folder: Where) -> bool:
-    """Whether the folder has a manifest: a run's last word."""
-    try:
-        return _listed(place(folder)) is not None
-    except InputError:
-        return False
-
-
-def lists(folder: Where, table: str) -> bool:
-    """Whether the manifest names a file of ``table``; False where there is none."""
-    return any(name.startswith(f"{table}/") for name in _listed(place(folder)) or ())
-
-
-def verify(folder: Where) -> int:
-    """Compare the folder with its manifest; returns the number of files.
-
-    Raises
-    ------
-    InputError
-        If the manifest is missing, or a file is missing, damaged or not in it: the message names
-        the file.
-    """
-    at = place(folder)
-    listed = _listed(at)
-    if listed is None:
-        raise InputError(f"'{at}' has no {MANIFEST}: the run is not complete; resume it")
-    found = _visible(at)
-    _refuse_strays(at, found, list(listed))
-    for name in found:
-        _sound(at, name, listed)
-    return len(listed)
-
-
-def _listed(at: Place) -> dict[str, str] | None:
-    """SHA-256 by name as the manifest has them; None without one."""
-    try:
-        data = read_json(at, MANIFEST, LARGEST_MANIFEST)
-    except FileNotFoundError:
-        return None
-    own = asdict(read_provenance(at))
-    try:
-        if data["schema_version"] != FORMAT or data["provenance"] not in (own, _older(own)):
-            raise ValueError("it is of another run or version")
-        return {str(entry["path"]): str(entry["sha256"]) for entry in data["files"]}
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"'{at}/{MANIFEST}' is damaged ({error}); resume the run") from error
-
-
-def _older(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """Provenance as it was written before shards had sizes."""
-    return {key: value for key, value in provenance.items() if key != "shard_realisations"}
-
-
-def _refuse_strays(at: Place, found: list[str], listed: list[str]) -> None:
-    for name in sorted(set(listed) ^ set(found)):
-        if name in listed:
-            raise InputError(f"'{at}/{name}' is missing; resume the run to write it again")
-        raise InputError(f"'{at}/{name}' is not in the manifest; remove it")
-
-
-def _sound(
-    at: Place, name: str, listed: Mapping[str, str] | None, largest: int | None = None
-) -> bytes:
-    """Bytes of a file, equal to what the manifest says of it."""
-    try:
-        data = at.read(name) if largest is None else at.read(name, largest)
-    except FileNotFoundError as error:
-        raise InputError(f"'{at}/{name}' is missing; resume the run") from error
-    if listed is not None and hashlib.sha256(data).hexdigest() != listed.get(name):
-        raise InputError(f"'{at}/{name}' is damaged; remove it and resume the run")
-    return data
 
 
 def _shard(data: bytes, where: str, table: str, provenance: Provenance) -> pa.Table:
@@ -441,35 +274,3 @@ def _shard(data: bytes, where: str, table: str, provenance: Provenance) -> pa.Ta
     if not rows.schema.equals(schema_of(table, rows.schema.names)):
         raise InputError(f"'{where}' has other columns than table '{table}' of this version")
     return rows
-
-
-def refuse_difference(
-    held: Mapping[str, Any], wanted: Mapping[str, Any], where: str, remedy: str
-) -> None:
-    """Refuse provenance that differs from what is wanted.
-
-    Raises
-    ------
-    InputError
-        The message names the differences.
-    """
-    differences = [
-        f"{key.replace('_', ' ')} {held[key]} where this run has {wanted[key]}"
-        for key in wanted
-        if held[key] != wanted[key]
-    ]
-    if differences:
-        raise InputError(f"{where} holds other results: {'; '.join(differences)}; {remedy}")
-
-
-def _visible(at: Place) -> list[str]:
-    """Names the manifest lists: everything but itself and what is hidden, in order.
-
-    In the order of paths, part by part.
-    """
-    names = (n for n in at.names() if not any(part.startswith(".") for part in n.split("/")))
-    return sorted((name for name in names if name != MANIFEST), key=lambda name: name.split("/"))
-
-
-def _json(data: Mapping[str, Any]) -> str:
-    return json.dumps(data, sort_keys=True, separators=(",", ":"))

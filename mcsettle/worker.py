@@ -4,8 +4,8 @@ All it needs it finds in the results folder: study, provenance, and what Step A 
 (DIR/.step_a). Each process keeps one Taichi runtime with kernels of its own, and works on one shard at a
 time whatever the scheduler sends it. A worker outlives runs: each has its ``Order``.
 
-Depends on: closing, draws, engine, errors, files, fits, ledger, place, scene, shards, step_a, step_b,
-store, summary, transfer_file; inside: mcsettle.kernels.
+Depends on: draws, engine, errors, files, fits, ledger, place, scene, shards, step_a, step_b,
+store, summary, survey, transfer_file; inside: mcsettle.kernels.
 """
 
 import atexit
@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mcsettle import step_b, store
-from mcsettle.closing import held_shards
 from mcsettle.draws import ParameterSet
 from mcsettle.engine import Engine
 from mcsettle.errors import InputError
@@ -31,6 +30,7 @@ from mcsettle.scene import build_case
 from mcsettle.shards import Shard, all_shards
 from mcsettle.step_a import Shelf, StepA, step_a
 from mcsettle.summary import study_of
+from mcsettle.survey import held_shards
 from mcsettle.transfer_file import load, save
 
 STEP_A = ".step_a"

@@ -20,11 +20,12 @@ from typer.testing import CliRunner
 
 from mcsettle import cluster, dispatch, factor_fit, ledger, step_b, worker
 from mcsettle.cli.app import app
-from mcsettle.closing import gather, survey
+from mcsettle.closing import gather
 from mcsettle.errors import InputError
 from mcsettle.pipeline import run_study
 from mcsettle.shards import Slice
 from mcsettle.study import resolved_toml
+from mcsettle.survey import survey
 
 distributed = pytest.importorskip("distributed")
 pytestmark = [

@@ -15,12 +15,12 @@ import toy
 from test_pipeline import everything
 
 from mcsettle import files, lock
-from mcsettle.closing import survey
 from mcsettle.errors import InputError
 from mcsettle.pipeline import run_study
 from mcsettle.place import place
 from mcsettle.store import read
 from mcsettle.study import resolved_toml
+from mcsettle.survey import survey
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 ROOT = Path(__file__).resolve().parents[1]

@@ -30,12 +30,13 @@ from typer.testing import CliRunner
 
 from mcsettle import ledger, parquet, store
 from mcsettle.cli.app import app
-from mcsettle.closing import gather, survey
+from mcsettle.closing import gather
 from mcsettle.errors import InputError
 from mcsettle.fem25d.cache import read_arrays, write_arrays
 from mcsettle.pipeline import run_study
 from mcsettle.study import Study, load_study, resolved_toml, study_from_text
 from mcsettle.summary import read_results
+from mcsettle.survey import survey
 from mcsettle.transfer_file import load, save
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -15,13 +15,14 @@ from typer.testing import CliRunner
 
 from mcsettle import step_a
 from mcsettle.cli.app import app
-from mcsettle.closing import gather, survey
+from mcsettle.closing import gather
 from mcsettle.errors import InputError
 from mcsettle.files import cache_folder
 from mcsettle.pipeline import run_study
 from mcsettle.place import Bucket, Folder, place
 from mcsettle.shards import Slice
 from mcsettle.summary import read_results, summary_rows
+from mcsettle.survey import survey
 
 moto = pytest.importorskip("moto.server")
 pytestmark = [

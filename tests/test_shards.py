@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from mcsettle import lock, step_b, store
 from mcsettle.cli.app import app
-from mcsettle.closing import gather, survey
+from mcsettle.closing import gather
 from mcsettle.engine import Engine
 from mcsettle.errors import InputError, NumericalError
 from mcsettle.ledger import record_name
@@ -25,6 +25,7 @@ from mcsettle.pipeline import run_study
 from mcsettle.place import place
 from mcsettle.shards import Slice, all_shards, estimated_bytes, n_shards, parse_slice, slice_of
 from mcsettle.summary import read_results
+from mcsettle.survey import survey
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 N, SIZE = 6, 2
