@@ -75,7 +75,7 @@ def _border(**keys: Any) -> Numerics:
 # The last level of each is the finest; (text, size for an order or None, numerics).
 CHOICES: dict[str, tuple[tuple[str, float | None, Numerics], ...]] = {
     "element size near the track [m]": tuple(
-        (f"{h:g}", h, _mesh(size=h)) for h in (0.24, 0.17, 0.12, 0.085)
+        (f"{h:g}", h, _mesh(size=h)) for h in (0.3, 0.21, 0.15, 0.105, 0.075)
     ),
     "largest element [m]": tuple((f"{h:g}", None, _mesh(largest=h)) for h in (1.3, 0.9, 0.6)),
     "growth of elements": tuple((f"{g:g}", None, _mesh(growth=g)) for g in (1.5, 1.3, 1.15)),
@@ -85,6 +85,9 @@ CHOICES: dict[str, tuple[tuple[str, float | None, Numerics], ...]] = {
     "border elements": tuple((f"{n}", None, _border(elements=n)) for n in (9, 13, 19)),
     "border length [m]": tuple(
         (f"{w:g}", None, _border(length=w)) for w in (1000.0, 4000.0, 8000.0)
+    ),
+    "border beyond, times 1/k": tuple(
+        (f"{n:g}", None, _border(decays=n)) for n in (8.0, 12.0, 18.0)
     ),
     "border angle [degrees]": tuple(
         (f"{a:g}", None, _border(angle=math.radians(a))) for a in (30.0, 60.0, 45.0)
@@ -101,7 +104,7 @@ BASES = "tolerance of the bases"
 PANELS = "quadrature panel [rad/m]"
 BASE_LEVELS: dict[str, tuple[str, tuple[float, ...]]] = {
     PANELS: ("panel", (0.09, 0.045, 0.0225)),
-    BASES: ("tolerance", (1e-2, 1e-3, 1e-4)),
+    BASES: ("tolerance", (4e-2, 1e-2, 1e-3)),
 }
 
 
@@ -155,13 +158,19 @@ def _kept(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
 
 def answers(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
     """Deflection [m/N], stresses [Pa/N] and compliances [m/N] by direct solutions."""
-    section = track_section(track, numerics.depth, numerics.mesh)
+    whole, bands = track_section(track, numerics.depth, numerics.mesh), Settings().bands
+    parts = {k: whole.for_wavenumbers(k, numerics.mesh.border) for k in (0.0, *bands)}
+
+    def direct(k: float, omega: float) -> np.ndarray:
+        section = parts[max(lower for lower in parts if lower <= k)]
+        return outputs(section, k, solve(section, k, omega))
+
     x = -np.cos(np.pi * (np.arange(numerics.count) + 0.5) / numerics.count)
     lower, upper = math.log(SHIFT), math.log(numerics.largest + SHIFT)
     nodes = np.exp((lower + upper) / 2.0 + x * (upper - lower) / 2.0) - SHIFT
 
     def spectrum(omegas: np.ndarray, k: np.ndarray) -> np.ndarray:
-        found = [outputs(section, k, solve(section, k, abs(w))) for k, w in zip(nodes, omegas)]  # noqa: B905
+        found = [direct(k, abs(w)) for k, w in zip(nodes, omegas)]  # noqa: B905
         fitted = np.polynomial.chebyshev.chebfit(x, np.array(found), numerics.count - 1)
         at = (2.0 * np.log(k + SHIFT) - lower - upper) / (upper - lower)
         return np.asarray(np.polynomial.chebyshev.chebval(at, fitted)).T

@@ -39,7 +39,11 @@ def transfer_identity(study: Study, variant: str, scenario: str) -> str:
         from mcsettle.fem25d.cache import FORMAT
         from mcsettle.fem25d.settings import Settings
 
-        description["settings"] = asdict(section_settings(study) or Settings())
+        by_service = [
+            section_settings(study, softened_by(study, variant, service)) or Settings()
+            for service in study.timetable(scenario).services
+        ]
+        description["settings"] = [asdict(settings) for settings in by_service]
         description["format"] = FORMAT
     text = json.dumps(description, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]

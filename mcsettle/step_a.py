@@ -145,31 +145,32 @@ def track_response(
     )
 
 
-def section_settings(study: Study) -> "Settings | None":
-    """Step A's settings where a study leaves the range of the default ones, else None.
+def section_settings(
+    study: Study, softened: Softened | None = None, own: bool = False
+) -> "Settings | None":
+    """Step A's range for a study, rounded up; None: the default one, which most studies share.
 
-    The bases are then grown for the study's highest speed and driving frequency, rounded up. Shear waves
-    near the mesh's resolution make such a range a little less accurate.
+    A range of its own goes to a ground that no other study has: one softened by one train, or
+    (``own``) one of many. A smaller range takes fewer solutions. Beyond the default range shear waves
+    near the mesh's resolution make the bases a little less accurate.
     """
     from mcsettle.fem25d.settings import Settings
 
-    usual = Settings()
-    speeds = [
-        service.speed
-        for scenario in study.scenario_names
-        for service in study.timetable(scenario).services
-    ]
-    speed = max(speeds)
-    omega = speed * float(study_wavenumbers(study).max())
-    if speed <= usual.max_speed and omega <= usual.max_omega:
+    if softened is None:
+        timetables = [study.timetable(scenario) for scenario in study.scenario_names]
+        speed = max(service.speed for table in timetables for service in table.services)
+    else:
+        speed = softened.speed
+    omega, usual = speed * float(study_wavenumbers(study).max()), Settings()
+    usual_will_do = speed <= usual.max_speed and omega <= usual.max_omega
+    if usual_will_do and softened is None and not own:
         return None
     return Settings(
-        max_speed=max(usual.max_speed, 25.0 * math.ceil(speed / 25.0)),
-        max_omega=max(usual.max_omega, 40.0 * math.ceil(omega / 40.0)),
+        max_speed=25.0 * math.ceil(speed / 25.0), max_omega=20.0 * math.ceil(omega / 20.0)
     )
 
 
-Ground = tuple[Track, float, Softened | None]  # and the integration depth [m]
+Ground = tuple[Track, float, Softened | None, "Settings | None"]  # and the integration depth [m]
 
 
 @dataclass
@@ -212,7 +213,6 @@ def step_a(
     share, shelf = shelf is not None, shelf or Shelf()
     modes, contact = study_wavenumbers(study), study.track_table.hertz_stiffness_n_per_m
     responses, found = shelf.responses, shelf.found
-    settings = section_settings(study)
     if workers > 1:
         _soften_ahead(study, shelf, modes, progress, workers)
     transfers, used = {}, set[Any]()
@@ -224,12 +224,13 @@ def step_a(
             group = []
             for service in study.timetable(scenario).services:
                 softened = softened_by(study, variant, service)
-                ground = (track, depth, softened)
+                settings = section_settings(study, softened, own=share)
+                ground = (track, depth, softened, settings)
                 key = (*ground, Service(service.train, service.speed, 1), contact)
                 if key not in found:
                     if ground not in responses:
                         responses[ground] = track_response(
-                            *ground[:2], progress, workers, softened, settings
+                            track, depth, progress, workers, softened, settings
                         )
                     # On soil that softens the axle load decides the ground: nothing is in proportion.
                     own = shelf.axle_loads if softened is None else {}
@@ -267,15 +268,18 @@ def _soften_ahead(
     study: Study, shelf: Shelf, modes: np.ndarray, progress: Progress | None, workers: int
 ) -> None:
     """Compute the softened grounds of a study side by side, and leave them in the cache folder."""
-    jobs: dict[tuple[Track, float, Softened], None] = {}
+    jobs: dict[tuple[Track, float, Softened, Settings | None], None] = {}
     for variant in study.variant_names:
         track = _without_laws(study.track(variant))
         depth = study.settlement_settings(variant).integration_depth_m
         for scenario in study.scenario_names:
             for service in study.timetable(scenario).services:
                 softened = softened_by(study, variant, service)
-                if softened is not None and (track, depth, softened) not in shelf.responses:
-                    jobs[track, depth, softened] = None
+                if softened is None:
+                    continue
+                job = (track, depth, softened, section_settings(study, softened))
+                if job not in shelf.responses:
+                    jobs[job] = None
     if len(jobs) < 2:
         return
     from mcsettle.fem25d.response import one_blas_thread
@@ -294,10 +298,15 @@ def _soften_ahead(
 
 
 def _ahead(
-    track: Track, depth: float, softened: Softened, modes: np.ndarray, contact: float
+    track: Track,
+    depth: float,
+    softened: Softened,
+    settings: "Settings | None",
+    modes: np.ndarray,
+    contact: float,
 ) -> None:
     """One softened ground and its transfer functions, into the cache folder."""
-    response = track_response(track, depth, softened=softened)
+    response = track_response(track, depth, softened=softened, settings=settings)
     _computed(response, Service(softened.train, softened.speed, 1), modes, contact, None)
 
 

@@ -16,6 +16,7 @@ from mcsettle.step_a import (
     Progress,
     Softened,
     StepA,
+    section_settings,
     softened_by,
     step_a,
     study_wavenumbers,
@@ -161,7 +162,8 @@ def response_under(
     """Response of a variant's track with the ground that ``service`` makes for itself."""
     depth = study.settlement_settings(variant).integration_depth_m
     softened = softened_by(study, variant, service)
-    return track_response(study.track(variant), depth, progress, processes, softened)
+    settings = section_settings(study, softened)
+    return track_response(study.track(variant), depth, progress, processes, softened, settings)
 
 
 def table4(case: TrackCase, report: Callable[[int, int], None] | None = None) -> list[Increase]:

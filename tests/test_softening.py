@@ -131,7 +131,14 @@ def spectra_force(frame, k):
     stiffness = frame.stiffness(unchanged(frame))
     empty = np.zeros((0, frame.load.size))
     section = Section(
-        stiffness, frame.mass, frame.load, empty, empty, frame.grid.basis, frame.grid.free
+        stiffness,
+        frame.mass,
+        frame.load,
+        empty,
+        empty,
+        frame.grid.basis,
+        frame.grid.free,
+        *frame.lines,
     )
     foot = frame.load @ solve(section, k, 0.0)
     one = np.array([k])

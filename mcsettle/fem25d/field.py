@@ -170,13 +170,14 @@ def _grown(
     kept = np.r_[0, 1 + section.stress0.shape[0] - heights : 1 + section.stress0.shape[0]]
     for i, (lower, upper) in enumerate(zip((0.0, *s.bands), s.bands, strict=False)):
         training = training_set(lower, upper, s.max_omega, s.max_speed, waves)
-        grown = grow_band(section, lower, upper, training, s.tolerance, s.max_solves)
+        part = section.for_wavenumbers(lower, s.mesh.border)
+        grown = grow_band(part, lower, upper, training, s.tolerance, s.max_solves)
         band = replace(grown, output0=grown.output0[kept], output1=grown.output1[kept])
         for driving in (0.0, s.max_omega):
             at, share = rng.random(2)  # on the line of a constant load, and anywhere
             k = lower + (upper - lower) * at
             omega = share * (driving + k * s.max_speed)
-            exact = outputs(section, k, solve(section, k, omega))[kept]
+            exact = outputs(part, k, solve(part, k, omega))[kept]
             errors.append(_error(band.outputs(k, np.array([omega]))[0], exact))
         bands.append(band)
         if progress is not None:

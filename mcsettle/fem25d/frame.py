@@ -5,7 +5,7 @@ every further set of properties is one weighted sum. Elements of the absorbing b
 properties of the outermost regular element of their row (at the sides) or of the deepest one of
 their column (below), as the border stands for a ground that goes on unchanged.
 
-Depends on: track, element, section.
+Depends on: track, element, grid, pml, section.
 """
 
 from dataclasses import dataclass
@@ -15,6 +15,8 @@ import scipy.sparse as sp
 import skfem
 
 from mcsettle.fem25d.element import Pattern, element_operators, strain_operators
+from mcsettle.fem25d.grid import Lines
+from mcsettle.fem25d.pml import Border
 from mcsettle.fem25d.section import (
     ElementProperties,
     Grid,
@@ -24,7 +26,9 @@ from mcsettle.fem25d.section import (
     strip_load,
     table_damping,
     track_grid,
+    track_lines,
     track_top,
+    within,
 )
 from mcsettle.track import SectionTrack, depth_below_subgrade
 from mcsettle.units import GRAVITY
@@ -76,6 +80,13 @@ class Frame:
     load: np.ndarray
     strain0: sp.csr_matrix
     strain1: sp.csr_matrix
+    lines: tuple[Lines, Lines]
+    border: Border
+
+    def needed(self, wavenumber: float) -> np.ndarray:
+        """Unknowns that a solution at ``wavenumber`` ≥ 0 [rad/m] takes: those of a shorter border."""
+        reach = self.border.reach_at(wavenumber)
+        return within(self.grid.basis, self.grid.free, self.lines, reach)
 
     def stiffness(self, properties: ElementProperties) -> tuple[sp.csc_matrix, ...]:
         """K0, K1, K2 of the free unknowns."""
@@ -100,6 +111,8 @@ def track_frame(track: SectionTrack, integration_depth: float, mesh: MeshSetting
         strip_load(grid.basis, rail_foot(track), track_top(track))[grid.free],
         strain0,
         strain1,
+        track_lines(track, integration_depth, mesh),
+        mesh.border,
     )
 
 

@@ -31,6 +31,15 @@ class Lines:
         """Middle of each element [n] m."""
         return np.asarray((self.position[1:] + self.position[:-1]) / 2.0)
 
+    def cut(self, reach: float) -> float:
+        """Position [m] of the first line at least ``reach`` [m] into the border; infinite without."""
+        border = np.flatnonzero(self.stretch != 1.0)
+        if border.size == 0:
+            return math.inf
+        beyond = self.position[border[0] :]
+        far = beyond[beyond - beyond[0] >= reach]
+        return float(far[0]) - TOLERANCE if far.size else math.inf
+
 
 def uniform_lines(breaks: list[float], size: float) -> np.ndarray:
     """Positions that meet every break, with elements no longer than ``size`` [m]."""

@@ -19,7 +19,13 @@ import numpy as np
 
 from mcsettle.fem25d.depth import depth_grid, geostatic_stress
 from mcsettle.fem25d.modal import ModalBand, modal_bands
-from mcsettle.fem25d.quadrature import Quadrature, jump_shares, wavenumber_quadrature
+from mcsettle.fem25d.quadrature import (
+    Quadrature,
+    Support,
+    jump_shares,
+    smooth_support,
+    wavenumber_quadrature,
+)
 from mcsettle.fem25d.reduced import Band
 from mcsettle.fem25d.section import ElementProperties
 from mcsettle.fem25d.settings import Settings
@@ -107,8 +113,14 @@ class SectionResponse:
         return wavenumber_quadrature(s.bands[-1], s.panel, s.panel_points)
 
     @cached_property
+    def _support(self) -> Support:
+        factor = 0.5 if self.track.damping_convention == "loss_factor" else 1.0
+        least = min(layer.material.damping for layer in self.track.layers)
+        return smooth_support(self.quadrature, factor * least)
+
+    @cached_property
     def _modal(self) -> list[ModalBand]:
-        return modal_bands(self.bands, self.quadrature.nodes, self.settings)
+        return modal_bands(self.bands, self._support.nodes, self.settings)
 
     def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
         """Spectra at ``speed`` [m/s] for each driving frequency Ω of ``omegas`` [rad/s], in order.
@@ -135,7 +147,9 @@ class SectionResponse:
         q = self.quadrature
         ahead = omegas[:, None] + q.nodes * speed
         behind = omegas[:, None] - q.nodes * speed
-        ground = self._ground(np.concatenate([ahead, behind]))
+        ground = self._ground(
+            np.concatenate([omegas, omegas]), np.repeat([speed, -speed], omegas.size)
+        )
         k = np.concatenate([-q.nodes[::-1], q.nodes])
         weights = np.concatenate([q.weights[::-1], q.weights])
         for i, omega in enumerate(omegas):
@@ -163,9 +177,14 @@ class SectionResponse:
         values = band.outputs(wavenumber, omegas)
         return self._coupled(values, np.full(omegas.size, wavenumber), omegas, 1.0)
 
-    def _ground(self, omegas: np.ndarray) -> np.ndarray:
-        """Section outputs per unit pad force for ω² at every node, [W, N, 1 + 4 Z]."""
-        return np.concatenate([band.outputs(omegas[:, band.nodes]) for band in self._modal], axis=1)
+    def _ground(self, omegas: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """Section outputs per unit pad force on the lines ω = Ω + k v [W], [W, N, 1 + 4 Z].
+
+        The ground is known where the damping lets it vary, and interpolated between.
+        """
+        at = omegas[:, None] + speeds[:, None] * self._support.nodes
+        parts = [band.outputs(at[:, band.nodes]) for band in self._modal]
+        return self._support.spread(np.concatenate(parts, axis=1))
 
     def _loaded(
         self,

@@ -6,6 +6,9 @@ e^{-κ Re s}: an angle of 45° serves both, and geometric growth carries the bor
 kilometres, so that one frequency-independent stretch works for waves and for the static limit
 k → 0, ω → 0 alike. Since no length depends on ω the operator stays affine in k, k² and ω².
 
+Below the wave speeds every field decays sideways at some share of k or faster, so that for
+wavenumbers of k and more the border may end some multiple of 1/k away.
+
 Depends on: nothing of the package.
 """
 
@@ -20,13 +23,16 @@ from scipy.optimize import brentq
 class Border:
     """Absorbing border: ``elements``, total ``length`` |s| [m], final ``angle`` [rad], ``ramp``.
 
-    The angle rises linearly from zero over the first ``ramp`` elements.
+    The angle rises linearly from zero over the first ``ramp`` elements. For wavenumbers from k > 0
+    on, ``decays / k`` of the length is enough, but at least ``least`` [m].
     """
 
     elements: int = 13
     length: float = 4000.0
     angle: float = math.pi / 4.0
     ramp: int = 3
+    decays: float = 12.0
+    least: float = 5.0
 
     def __post_init__(self) -> None:
         if self.elements < 1 or self.ramp < 1:
@@ -39,6 +45,19 @@ class Border:
                 f"border length is {self.length} m and angle {self.angle} rad; they must be "
                 "positive and in [0, π/2)"
             )
+        if not (self.decays > 0.0 and self.least > 0.0):
+            raise ValueError(
+                f"the border ends after {self.decays} decay lengths and {self.least} m at least; "
+                "both must be positive"
+            )
+
+    def reach_at(self, lowest: float) -> float:
+        """Length |s| [m] that wavenumbers of ``lowest`` ≥ 0 [rad/m] and above need."""
+        return (
+            self.length
+            if lowest <= 0.0
+            else min(self.length, max(self.decays / lowest, self.least))
+        )
 
 
 def border_lengths(first: float, border: Border) -> np.ndarray:

@@ -1,5 +1,9 @@
 """Quadrature over wavenumber, and the jump that hysteretic damping puts into the integrand.
 
+The panels are as short as e^{-iks} asks for at the far end of a train. The response of the ground
+itself is smoother: its poles keep a distance of ξ k from the real axis. ``Support`` holds the fewer
+wavenumbers at which it has to be known.
+
 Depends on: nothing of the package.
 """
 
@@ -7,10 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FIRST = 0.002  # rad/m, first panel next to k = 0
+FIRST = 0.005  # rad/m, first panel next to k = 0
 RATIO = 0.2  # panel length over its wavenumber, near k = 0
 FAR = 3.0  # rad/m, beyond which panels lengthen again
-FAR_GROWTH = 0.012  # further panel length per wavenumber there
+FAR_GROWTH = 0.006  # further panel length per wavenumber there
+SMOOTH = (
+    5.0  # length of a piece on which a response is a polynomial, over damping ratio and wavenumber
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,62 @@ def wavenumber_quadrature(k_max: float, panel: float, points: int) -> Quadrature
     half = np.diff(e)[:, None] / 2.0
     nodes = (e[:-1, None] + half) + half * x
     return Quadrature(e, nodes.ravel(), (half * w).ravel(), points)
+
+
+@dataclass(frozen=True)
+class Support:
+    """Wavenumbers ``nodes`` [M] rad/m from which a smooth response follows at all of a rule.
+
+    ``pieces`` are (nodes of the support, nodes of the rule, matrix): the values there are the
+    matrix times those at the support; None where both are the same.
+    """
+
+    nodes: np.ndarray
+    pieces: tuple[tuple[slice, slice, np.ndarray | None], ...]
+
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """Complex values [W, N, J] at the rule's nodes from those [W, M, J] at the support."""
+        count = self.pieces[-1][1].stop
+        found = np.empty((values.shape[0], count, values.shape[2]), dtype=np.complex128)
+        for own, rule, matrix in self.pieces:
+            part = np.ascontiguousarray(values[:, own])
+            if matrix is None:
+                found[:, rule] = part
+            else:  # real times complex, as real times real
+                found[:, rule] = (matrix @ part.view(np.float64)).view(np.complex128)
+        return found
+
+
+def smooth_support(quadrature: Quadrature, damping: float) -> Support:
+    """Support of responses of a ground with damping ratio ``damping`` or more.
+
+    Panels are joined while their length stays below 5 ξ k; the response is interpolated in each
+    piece through as many Gauss–Legendre points as a panel has.
+    """
+    edges, n = quadrature.edges, quadrature.points
+    x = np.polynomial.legendre.leggauss(n)[0]
+    # Lagrange polynomials through the Gauss points, by their Legendre coefficients.
+    inverse = np.linalg.inv(np.polynomial.legendre.legvander(x, n - 1))
+    nodes: list[np.ndarray] = []
+    pieces: list[tuple[slice, slice, np.ndarray | None]] = []
+    first = 0
+    while first < edges.size - 1:
+        last = first + 1
+        while (
+            last < edges.size - 1
+            and edges[last + 1] - edges[first] <= SMOOTH * damping * edges[first]
+        ):
+            last += 1
+        rule, own = slice(first * n, last * n), slice(len(pieces) * n, (len(pieces) + 1) * n)
+        middle, half = (edges[last] + edges[first]) / 2.0, (edges[last] - edges[first]) / 2.0
+        matrix = None
+        if last > first + 1:
+            at = (quadrature.nodes[rule] - middle) / half
+            matrix = np.polynomial.legendre.legvander(at, n - 1) @ inverse
+        nodes.append(middle + half * x)
+        pieces.append((own, rule, matrix))
+        first = last
+    return Support(np.concatenate(nodes), tuple(pieces))
 
 
 def jump_shares(quadrature: Quadrature, place: float) -> tuple[slice, np.ndarray] | None:

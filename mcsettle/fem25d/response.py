@@ -188,6 +188,7 @@ def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray
     track, settings = model.track, model.settings
     lower = 0.0 if index == 0 else settings.bands[index - 1]
     upper = settings.bands[index]
+    section = section.for_wavenumbers(lower, settings.mesh.border)
     speeds = {rayleigh_speed(layer.material) for layer in track.ground}
     training = training_set(lower, upper, settings.max_omega, settings.max_speed, sorted(speeds))
     band = grow_band(section, lower, upper, training, settings.tolerance, settings.max_solves)

@@ -49,10 +49,10 @@ TOLERANCE_BREAK = 1e-6  # m, heights closer than this are one
 class MeshSettings:
     """Element sizes [m] near the track, their growth and largest size, side width, border."""
 
-    size: float = 0.12
+    size: float = 0.15
     growth: float = 1.3
     largest: float = 0.9
-    side: float = 0.8
+    side: float = 0.4
     border: Border = Border()
 
     def __post_init__(self) -> None:
@@ -70,6 +70,7 @@ class Section:
     ``stiffness`` (K0, K1, K2) and ``mass`` are complex symmetric and share a pattern; ``load`` [n]
     is a unit downward force spread over the strip, so ``load @ u`` is the mean downward
     displacement there; ``stress0 + k stress1`` [4 Z, n] gives the stresses, component by component.
+    ``y`` and ``depth`` are the mesh lines.
     """
 
     stiffness: tuple[sp.csc_matrix, sp.csc_matrix, sp.csc_matrix]
@@ -79,11 +80,41 @@ class Section:
     stress1: sp.csr_matrix
     basis: skfem.Basis
     free: np.ndarray
+    y: Lines
+    depth: Lines
 
     @property
     def unknowns(self) -> int:
         """Number of free unknowns."""
         return int(self.load.size)
+
+    def for_wavenumbers(self, lowest: float, border: Border) -> "Section":
+        """The section whose border ends where ``lowest`` [rad/m] and all above it need no more.
+
+        The border is cut at a mesh line, so that the matrices are parts of those at hand.
+        """
+        kept = within(self.basis, self.free, (self.y, self.depth), border.reach_at(lowest))
+        if kept.size == self.free.size:
+            return self
+        k0, k1, k2, mass = (m[kept][:, kept].tocsc() for m in (*self.stiffness, self.mass))
+        return replace(
+            self,
+            stiffness=(k0, k1, k2),
+            mass=mass,
+            load=self.load[kept],
+            stress0=self.stress0[:, kept].tocsr(),
+            stress1=self.stress1[:, kept].tocsr(),
+            free=self.free[kept],
+        )
+
+
+def within(
+    basis: skfem.Basis, free: np.ndarray, lines: tuple[Lines, Lines], reach: float
+) -> np.ndarray:
+    """Those of the unknowns ``free`` whose distance into the border is below the cut at ``reach`` m."""
+    across, up = basis.doflocs[:, free]
+    down = basis.mesh.p[1].max() - up
+    return np.flatnonzero((across < lines[0].cut(reach)) & (down < lines[1].cut(reach)))
 
 
 @dataclass(frozen=True)
@@ -181,6 +212,8 @@ def build_section(
         sp.csr_matrix(stress1[:, free]),
         basis,
         free,
+        y,
+        depth,
     )
 
 

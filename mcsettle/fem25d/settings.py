@@ -14,16 +14,17 @@ class Settings:
 
     The response is available for speeds up to ``max_speed`` [m/s] and driving frequencies up to
     ``max_omega`` [rad/s]: the basis is trained on ω ≤ max_omega + k max_speed for k up to the last
-    of ``bands`` [rad/m]. ``tolerance`` is the error at the points of worst residual that ends the
-    growth of a basis; the error elsewhere is two to three orders smaller. ``panel`` [rad/m] is the
-    longest quadrature panel for k < 3 rad/m, fit for distances up to about 12/(panel/2) m.
+    of ``bands`` [rad/m]. ``tolerance`` ends the growth of a basis: error at its worst points, and the
+    largest change of an output by the last growth; the error elsewhere is below a tenth of it.
+    ``panel`` [rad/m] is the longest quadrature panel for k < 3 rad/m, fit for distances up to about
+    12/(panel/2) m.
     """
 
     mesh: MeshSettings = MeshSettings()
     max_omega: float = 160.0
     max_speed: float = 75.0
     bands: tuple[float, ...] = (0.01, 0.025, 0.06, 0.15, 0.4, 0.8, 1.5, 3.0, 5.0, 8.0, 12.0)
-    tolerance: float = 1e-3
+    tolerance: float = 1e-2
     max_solves: int = 60
     panel: float = 0.045
     panel_points: int = 12

@@ -176,8 +176,10 @@ def strain_spectra(
     strains = np.empty((6, count, wavenumbers.size), dtype=np.complex128)
     for j, k in enumerate(wavenumbers.tolist()):
         data = k0.data + k * k1.data + k**2 * k2.data - (k * speed) ** 2 * frame.mass.data
-        lu = spla.splu(sp.csc_matrix((data, k0.indices, k0.indptr), k0.shape), **SUPERLU)
-        u = lu.solve(frame.load.astype(np.complex128))
+        whole, kept = sp.csc_matrix((data, k0.indices, k0.indptr), k0.shape), frame.needed(k)
+        lu = spla.splu(whole[kept][:, kept].tocsc(), **SUPERLU)
+        u = np.zeros(frame.load.size, dtype=np.complex128)
+        u[kept] = lu.solve(frame.load[kept].astype(np.complex128))
         foot[j] = frame.load @ u
         strains[:, :, j] = (frame.strain0 @ u + k * (frame.strain1 @ u)).reshape(6, count)
     strains[4:] *= 1j  # u = (i ũx, uy, uz)

