@@ -96,9 +96,11 @@ class Ahead:
         assert self.pool is not None
         while self.left and len(self.running) <= self.processes:
             index, study = self.left.pop(0)
-            self.running[index] = self.pool.submit(_computed, study, self.shelf.axle_loads)
+            self.running[index] = self.pool.submit(
+                _computed, study, self.shelf.axle_loads, self.shelf.many_grounds
+            )
 
 
-def _computed(study: Study, axle_loads: dict[str, float]) -> None:
+def _computed(study: Study, axle_loads: dict[str, float], many_grounds: bool) -> None:
     """Step A of one parameter set, into the cache folder."""
-    step_a(study, shelf=Shelf(axle_loads=axle_loads))
+    step_a(study, shelf=Shelf(axle_loads=axle_loads, many_grounds=many_grounds))

@@ -179,18 +179,22 @@ class Shelf:
 
     ``axle_loads`` [kg] are the study's own, by train. A train that differs in them alone has the
     same dynamic response and a quasi-static one in proportion, so it is scaled, not computed.
+    With ``many_grounds`` every set has a track or a ground of its own.
     """
 
     responses: dict[Ground, TrackResponse] = field(default_factory=dict)
     found: dict[Any, TransferFunctions] = field(default_factory=dict)
     axle_loads: dict[str, float] = field(default_factory=dict)
     first: set[Any] = field(default_factory=set)
+    many_grounds: bool = False
 
     @classmethod
     def of(cls, study: Study) -> "Shelf":
         """An empty shelf for the parameter sets of ``study``."""
-        trains = study.trains.items()
-        return cls(axle_loads={name: train.cars[0].axle_load for name, train in trains})
+        loads = {name: train.cars[0].axle_load for name, train in study.trains.items()}
+        inputs = [path for entry in study.uncertain for path in (entry.input, *entry.also)]
+        many = study.grounds_table is not None or any(p.startswith("track.") for p in inputs)
+        return cls(axle_loads=loads, many_grounds=many)
 
     def trim(self, used: set[Any]) -> None:
         """Forget what was not used just now, nor the first time."""
@@ -224,7 +228,7 @@ def step_a(
             group = []
             for service in study.timetable(scenario).services:
                 softened = softened_by(study, variant, service)
-                settings = section_settings(study, softened, own=share)
+                settings = section_settings(study, softened, own=shelf.many_grounds)
                 ground = (track, depth, softened, settings)
                 key = (*ground, Service(service.train, service.speed, 1), contact)
                 if key not in found:
@@ -260,7 +264,9 @@ def needs(study: Study, shelf: Shelf) -> set[Any]:
                 train = service.train
                 if softened is None:
                     train = _as_in(train, shelf.axle_loads) or train
-                found.add((track, depth, softened, Service(train, service.speed, 1), contact))
+                settings = section_settings(study, softened, own=shelf.many_grounds)
+                passing = Service(train, service.speed, 1)
+                found.add((track, depth, softened, settings, passing, contact))
     return found
 
 

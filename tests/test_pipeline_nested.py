@@ -239,6 +239,7 @@ def test_axle_loads_are_not_scaled_where_the_soil_softens(study, monkeypatch, so
     monkeypatch.setattr(step_a, "track_response", lambda *_: response)
     if softens:
         monkeypatch.setattr(step_a, "softened_by", lambda *_: "softened")
+        monkeypatch.setattr(step_a, "section_settings", lambda *_, **__: None)
 
     def transfer(*arguments):
         given.append(arguments[-1])
