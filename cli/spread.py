@@ -1,6 +1,6 @@
 """Lines on uncertainty: what the spread consists of, lines of track, tornado, convergence, posterior.
 
-Depends on: estimate, inference, stopping, study, summary, tornado (types only), rich.
+Depends on: estimate, inference, stopping, study, summary, tornado (types only), variance, rich.
 """
 
 import sys
@@ -32,8 +32,13 @@ def print_spread(rows: "list[SummaryRow]") -> None:
             table.add_row(row.scenario, row.metric, *cells)
     if told:
         console.print(table)
-    for line in _index_lines(rows):
+    lines = list(_index_lines(rows))
+    for line in lines:
         console.print(line, markup=False)
+    if not lines and any(s.statistic == "variance_share" for row in rows for s in row.spread):
+        from mcsettle.variance import LEAST_SETS
+
+        console.print(f"Indices of single inputs: from {LEAST_SETS} parameter sets on.")
     _print_lines(console, rows)
 
 
