@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 LARGEST_CACHE = (
     4_000_000_000  # bytes of transfer functions kept: drawn vehicles leave one file a set
 )
+# Keys of a layer that its bases depend on; laws, strengths and K0 leave them as they are.
+ELASTIC = {"youngs_modulus_pa", "poisson", "density_kg_per_m3", "damping"}
 Progress = Callable[[str, int, int], None]
 
 
@@ -193,7 +195,9 @@ class Shelf:
         """An empty shelf for the parameter sets of ``study``."""
         loads = {name: train.cars[0].axle_load for name, train in study.trains.items()}
         inputs = [path for entry in study.uncertain for path in (entry.input, *entry.also)]
-        many = study.grounds_table is not None or any(p.startswith("track.") for p in inputs)
+        many = study.grounds_table is not None or any(
+            path.startswith("track.") and path.rsplit(".", 1)[-1] in ELASTIC for path in inputs
+        )
         return cls(axle_loads=loads, many_grounds=many)
 
     def trim(self, used: set[Any]) -> None:

@@ -58,7 +58,10 @@ def levers(long_window: bool) -> Iterator[tuple[str, Callable[[Data], None]]]:
     for length in (13.4, 14.4, 15.9):
         yield f"car length {length} m (13.9)", freight(car_length_m=length)
     yield "N counted by vehicle type (shared)", PER_VEHICLE
-    yield "total stress, own factor (traffic)", settlement(stress="total", settlement_factor=15.9539)
+    yield (
+        "total stress, own factor (traffic)",
+        settlement(stress="total", settlement_factor=15.9539),
+    )
     for spectrum in ("fra_one_corner", "german_low"):
         yield f"spectrum {spectrum} (fra)", profile(spectrum=spectrum)
     for window in (195, 205):
