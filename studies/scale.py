@@ -6,7 +6,8 @@
 
 The study is ``toy.toml`` train by train, so a shard of few rows takes seconds; everything runs with one
 thread a process, in processes of its own, and the folders are compared byte for byte. ``memory`` takes
-shards of one row, and the highest resident memory of client and scheduler. Markdown on stdout.
+shards of one row, and the highest resident memory of client and scheduler, closing apart. Markdown on
+stdout.
 
 Depends on: mcsettle; the extra ``distributed``.
 """
@@ -120,7 +121,8 @@ def peak(pid: int) -> float:
 
 def memory(folder: Path, counts: list[int]) -> None:
     """Highest resident memory of client and scheduler, by the number of shards."""
-    print("| shards | client, MiB | scheduler, MiB | s |\n|---|---|---|---|")
+    print("| shards | client until the last one, MiB | and its closing | scheduler | s |")
+    print("|---|---|---|---|---|")
     for n in counts:
         own = folder / str(n)
         own.mkdir()
@@ -136,23 +138,24 @@ def memory(folder: Path, counts: list[int]) -> None:
             command = ("run", study, "--out", str(own / "out"), "--shard-size", "1")
             began = time.monotonic()
             client = subprocess.Popen([*MCSETTLE, *command, "--scheduler", address], **quiet)
-            held = watched(client, running[0])
+            held = watched(client, running[0], own / "out" / ".shards", n)
         finally:
             for process in reversed(running):
                 process.terminate()
                 process.wait()
         if client.returncode:
             sys.exit(f"the run of {n} shards ended with {client.returncode}")
-        print(
-            f"| {n} | {held[0]:.0f} | {held[1]:.0f} | {time.monotonic() - began:.0f} |", flush=True
-        )
+        told = " | ".join(f"{value:.0f}" for value in (*held, time.monotonic() - began))
+        print(f"| {n} | {told} |", flush=True)
 
 
-def watched(client: Running, other: Running) -> tuple[float, float]:
-    """Peaks [MiB] of a process while it runs, and of another one."""
-    found = (0.0, 0.0)
+def watched(client: Running, head: Running, records: Path, n: int) -> tuple[float, float, float]:
+    """Peaks [MiB] of a client while fewer than ``n`` shards have records, of all of it, of ``head``."""
+    found = (0.0, 0.0, 0.0)
     while client.poll() is None:
-        found = max(found[0], peak(client.pid)), peak(other.pid)
+        sending = not records.is_dir() or len(os.listdir(records)) < n
+        held = max(found[1], peak(client.pid))
+        found = (held if sending else found[0], held, peak(head.pid))
         time.sleep(0.2)
     return found
 
