@@ -114,11 +114,15 @@ class March:
         room = np.zeros((len(rows), w.u.shape[1], 2))  # the field may hold more modes
         room[:, :n_modes, 0], room[:, :n_modes, 1] = u.real, u.imag
         w.u.from_numpy(_tiled(room))
-        if self.precision != "f64":
-            w.v.from_numpy(_tiled(room.astype(np.float32)))
+        self._copy(room)
         w.active.from_numpy(_tiled(self._active[rows].astype(float)))
         w.uniform.from_numpy(_tiled(self._uniform[rows]))
         w.passages.from_numpy(_tiled(self._updates[rows]))
+
+    def _copy(self, amplitudes: np.ndarray) -> None:
+        """The copy of the state that single precision computes from."""
+        if self.precision != "f64":
+            self.fields.v.from_numpy(_tiled(amplitudes.astype(np.float32)))
 
     def _store(self) -> None:
         """Bring the lanes' state back to their realisations."""
@@ -147,17 +151,20 @@ class PointwiseMarch(March):
         transforms = len(kind) / (len(start) - 1)
         return max(16, int(LAUNCH / (max(self.n_tiles, 1) * LANES * 40 * transforms * len(wave))))
 
+    def _copy(self, amplitudes: np.ndarray) -> None:
+        """None: the kernel takes the state up anew for every passage."""
+
     def _workspace(self, n_modes: int) -> Any:
-        w = pointwise.workspace(n_modes, len(self.tables[6]), self.n_groups)
+        n_points = len(self.tables[6])
+        w = pointwise.workspace(n_modes, n_points, self.n_groups, self.precision)
         w.own.fill(1.0)
         return w
 
     def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
         w = self.fields
         pointwise.burst(
-            load, weights, *self.tables, 0, self.power_limit, self.n_tiles, self.n_groups,
-            w.u, w.du, w.own, w.active, w.power, w.uniform, w.passages,
-            w.weight, w.z, w.q2, w.settled,
+            load, weights, *self.tables, w.rows, 0, self.power_limit,
+            self.n_tiles, self.n_groups, *w.scratch(),
         )  # fmt: skip
 
 

@@ -1,260 +1,395 @@
-"""What the pointwise kernel does with a tile: modes to stress fields, stress to settlement and back.
+"""What the pointwise kernel does with a block of lanes: modes to stress fields, stress to settlement and back.
 
-Arguments throughout: worker ``p`` and tile ``t``, transform ``c`` or axle ``j``, block of ``points``
-points from ``begin``; the tables and fields of ``mcsettle.kernels.pointwise.burst``.
+Arguments throughout: worker ``p``, tile ``t`` and first lane ``o`` of the block in it, transform ``c``
+or axle ``j``; ``n_points`` N of the grid, known to the compiler; scratch rows ``w`` [worker, row, lane];
+the tables and fields of ``mcsettle.kernels.pointwise.burst``.
 
 Depends on: fourier, laws, taichi.
 """
 
+from dataclasses import dataclass
+
 import taichi as ti
 
-from mcsettle.kernels.fourier import LANES, ROWS, butterfly, twiddled
-from mcsettle.kernels.laws import strain_power
+from mcsettle.kernels.fourier import POINTS, back_4, butterfly, twiddle
+from mcsettle.kernels.laws import strain_power, strain_power_32
+from mcsettle.kernels.spectral import ROWS
+
+GROUPS = 8  # settling layers at most
+PAD = 9  # rows between quarters: powers of two would put them all into the same lines of the cache
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Where the scratch rows of a grid of N points begin: one field at known distances (``fourier``).
+
+    ``q`` rows from one quarter of the points to the next; a transform has its real parts at 0 and its
+    imaginary ones at ``im``. ``settled`` and ``squared``: settlement and σ_d² of two depths at every
+    point. Amplitudes by mode number: ``up`` U_n at row n, ``down`` at row N/2 − n, ``grown`` their
+    growth at n, imaginary parts ``half`` further on. ``weights`` of the groups, then ``picked`` ones.
+    """
+
+    points: int
+
+    @property
+    def q(self) -> int:
+        return self.points // 4 + PAD
+
+    @property
+    def im(self) -> int:
+        return 4 * self.q + PAD
+
+    @property
+    def settled(self) -> int:
+        return 2 * self.im
+
+    @property
+    def squared(self) -> tuple[int, int]:
+        return 3 * self.im, 4 * self.im
+
+    @property
+    def half(self) -> int:
+        return self.points // 2 + PAD
+
+    @property
+    def up(self) -> int:
+        return 5 * self.im
+
+    @property
+    def down(self) -> int:
+        return self.up + 2 * self.half
+
+    @property
+    def grown(self) -> int:
+        return self.down + 2 * self.half
+
+    @property
+    def weights(self) -> int:
+        return self.grown + 2 * self.half
+
+    @property
+    def picked(self) -> int:
+        return self.weights + GROUPS
+
+    @property
+    def count(self) -> int:
+        return self.picked + 2
 
 
 @ti.func
-def clear(p: int, t: int, n_points: int, n_modes: int, d: ti.template(), settled: ti.template()):
-    """Begin a passage: nothing has settled, nothing has grown."""
-    for i in range(n_points):
-        for lane in range(LANES):
-            settled[p, i, lane] = 0.0
-    for k in range(n_modes):
-        for lane in range(LANES):
-            d[t, k, 0, lane] = 0.0
-            d[t, k, 1, lane] = 0.0
+def clear_rows(p: int, begin: ti.template(), end: ti.template(), w: ti.template()):
+    """Zero the rows from ``begin`` to ``end``."""
+    for row in range(begin, end):
+        i = row & POINTS
+        for lane in range(w.shape[2]):
+            w[p, i, lane] = 0.0
+
+
+@ti.func
+def take_up(
+    p: int, t: int, o: int, rows: ti.template(), n_modes: int, first: int,
+    u: ti.template(), w: ti.template(),
+):  # fmt: skip
+    """Copy the amplitudes of the block to its rows, up and down."""
+    for mode in range(n_modes):
+        k = mode & ROWS
+        n = (first + mode) & ROWS
+        up = (rows.up + n) & POINTS
+        down = (rows.down + rows.points // 2 - n) & POINTS
+        for lane in range(w.shape[2]):
+            w[p, up, lane] = ti.cast(u[t, k, 0, o + lane], w.dtype)
+        for lane in range(w.shape[2]):
+            w[p, up + rows.half, lane] = ti.cast(u[t, k, 1, o + lane], w.dtype)
+        for lane in range(w.shape[2]):
+            w[p, down, lane] = w[p, up, lane]
+            w[p, down + rows.half, lane] = w[p, up + rows.half, lane]
+
+
+@ti.func
+def weigh(
+    p: int, t: int, o: int, rows: ti.template(), j: int, step: int, n_groups: int,
+    growth: ti.template(), constant: ti.template(),
+    own: ti.template(), active: ti.template(), uniform: ti.template(), w: ti.template(),
+):  # fmt: skip
+    """Weights of the groups in this passage, and what settles whatever the profile."""
+    for group in range(n_groups):
+        g = group & (GROUPS - 1)
+        every = growth[step, g]
+        c = constant[j, g]
+        for lane in range(w.shape[2]):
+            mine = every * own[t, g, o + lane]
+            w[p, rows.weights + g, lane] = ti.cast(mine, w.dtype)
+            uniform[t, o + lane] = uniform[t, o + lane] + active[t, o + lane] * (mine * c)
+
+
+@ti.func
+def pick_weights(p: int, a: int, b: int, rows: ti.template(), w: ti.template()):
+    """Copy the weights of groups a and b to rows of known place."""
+    for lane in range(w.shape[2]):
+        w[p, rows.picked, lane] = w[p, rows.weights + (a & (GROUPS - 1)), lane]
+    for lane in range(w.shape[2]):
+        w[p, rows.picked + 1, lane] = w[p, rows.weights + (b & (GROUPS - 1)), lane]
 
 
 @ti.func
 def add_linear(
-    p: int, t: int, j: int, linear: ti.template(),
-    u: ti.template(), d: ti.template(), weight: ti.template(),
-):  # fmt: skip
+    p: int, rows: ti.template(), j: int, first: int, linear: ti.template(), w: ti.template()
+):
     """Growth that is linear in the profile and needs no grid (exponent 2)."""
-    for mode in range(linear.shape[2]):
-        k = mode & ROWS
-        for g in range(linear.shape[1]):
-            a = linear[j, g, k, 0]
-            b = linear[j, g, k, 1]
-            for lane in range(LANES):
-                x = u[t, k, 0, lane]
-                y = u[t, k, 1, lane]
-                w = weight[p, g, lane]
-                d[t, k, 0, lane] = d[t, k, 0, lane] + w * (a * x - b * y)
-                d[t, k, 1, lane] = d[t, k, 1, lane] + w * (a * y + b * x)
+    up, to, h = ti.static(rows.up, rows.grown, rows.half)
+    for g in range(linear.shape[1]):
+        pick_weights(p, g, g, rows, w)
+        for n in range(rows.points // 2):
+            mode = n - first
+            if 0 <= mode and mode < linear.shape[2]:
+                a = ti.cast(linear[j, g, mode, 0], w.dtype)
+                b = ti.cast(linear[j, g, mode, 1], w.dtype)
+                for lane in range(w.shape[2]):
+                    x = w[p, n + up, lane]
+                    y = w[p, n + up + h, lane]
+                    weight = w[p, rows.picked, lane]
+                    w[p, n + to, lane] = w[p, n + to, lane] + weight * (a * x - b * y)
+                    w[p, n + to + h, lane] = w[p, n + to + h, lane] + weight * (a * y + b * x)
 
 
 @ti.func
 def first_pass(
-    p: int, t: int, c: int, response: ti.template(), wave: ti.template(), band: ti.template(),
-    u: ti.template(), z: ti.template(),
+    p: int, c: int, rows: ti.template(), response: ti.template(),
+    wave: ti.template(), band: ti.template(), w: ti.template(),
 ):  # fmt: skip
     """Coefficients of two fields and the first pass of their transform, modes to x.
 
     Most butterflies take two modes at most: n and, N/4 before the end, the conjugate of N/4 − n.
     """
-    quarter = wave.shape[0] // 4
-    first = band[0]
-    for n in range(quarter):
-        c1 = wave[n, 0]
-        s1 = wave[n, 1]
-        c2 = wave[2 * n, 0]
-        s2 = wave[2 * n, 1]
-        c3 = wave[3 * n, 0]
-        s3 = wave[3 * n, 1]
+    for n in range(rows.points // 4):
         if band[1] <= n and n < band[2]:
-            k = within(n - first, response.shape[1])
-            m = within(quarter - n - first, response.shape[1])
-            n0 = n & ROWS
-            n1 = (n + quarter) & ROWS
-            n2 = (n + 2 * quarter) & ROWS
-            n3 = (n + 3 * quarter) & ROWS
-            ka = 0.0
-            kb = 0.0
-            if k == n - first:
-                ka = response[c, k, 0]
-                kb = response[c, k, 1]
-            ma = 0.0
-            mb = 0.0
-            if m == quarter - n - first:
-                ma = response[c, m, 2]
-                mb = response[c, m, 3]
-            for lane in range(LANES):
-                ar = ka * u[t, k, 0, lane] - kb * u[t, k, 1, lane]
-                ai = ka * u[t, k, 1, lane] + kb * u[t, k, 0, lane]
-                br = ma * u[t, m, 0, lane] - mb * u[t, m, 1, lane]
-                bi = -(ma * u[t, m, 1, lane] + mb * u[t, m, 0, lane])
-                z[p, n0, 0, lane] = ar + br
-                z[p, n0, 1, lane] = ai + bi
-                xr = ar + bi
-                xi = ai - br
-                z[p, n1, 0, lane] = c1 * xr - s1 * xi
-                z[p, n1, 1, lane] = c1 * xi + s1 * xr
-                xr = ar - br
-                xi = ai - bi
-                z[p, n2, 0, lane] = c2 * xr - s2 * xi
-                z[p, n2, 1, lane] = c2 * xi + s2 * xr
-                xr = ar - bi
-                xi = ai + br
-                z[p, n3, 0, lane] = c3 * xr - s3 * xi
-                z[p, n3, 1, lane] = c3 * xi + s3 * xr
+            few_modes(p, c, n, rows, response, wave, w)
         else:
-            for q in range(4):
-                coefficient(p, t, c, n + q * quarter, 4 * quarter, first, response, u, z)
-            twiddled(z, p, n, quarter, c1, s1, c2, s2, c3, s3)
+            many_modes(p, c, n, rows, response, wave, w)
 
 
 @ti.func
-def within(k: int, n_modes: int) -> int:
-    """Index k, or the nearest there is."""
-    return ti.min(ti.max(k, 0), n_modes - 1) & ROWS
-
-
-@ti.func
-def coefficient(
-    p: int, t: int, c: int, i: int, n_points: int, first: int,
-    response: ti.template(), u: ti.template(), z: ti.template(),
+def few_modes(
+    p: int, c: int, n: int, rows: ti.template(), response: ti.template(),
+    wave: ti.template(), w: ti.template(),
 ):  # fmt: skip
-    """Coefficient i of two fields: of mode i, of the conjugate of mode N − i, or zero."""
-    k = i - first
-    m = n_points - i - first
-    for lane in range(LANES):
-        z[p, i, 0, lane] = 0.0
-        z[p, i, 1, lane] = 0.0
-    if 0 <= k and k < response.shape[1]:
-        a = response[c, k, 0]
-        b = response[c, k, 1]
-        for lane in range(LANES):
-            z[p, i, 0, lane] = a * u[t, k, 0, lane] - b * u[t, k, 1, lane]
-            z[p, i, 1, lane] = a * u[t, k, 1, lane] + b * u[t, k, 0, lane]
-    if 0 <= m and m < response.shape[1]:
-        a = response[c, m, 2]
-        b = response[c, m, 3]
-        for lane in range(LANES):
-            z[p, i, 0, lane] = a * u[t, m, 0, lane] - b * u[t, m, 1, lane]
-            z[p, i, 1, lane] = -(a * u[t, m, 1, lane] + b * u[t, m, 0, lane])
+    """Butterfly n of the first pass where it takes two modes at most."""
+    q, im, h = ti.static(rows.q, rows.im, rows.half)
+    up, down = ti.static(rows.up, rows.down + rows.points // 4)
+    c1, s1 = twiddle(wave, n, w)
+    c2, s2 = twiddle(wave, 2 * n, w)
+    c3, s3 = twiddle(wave, 3 * n, w)
+    ga = ti.cast(response[c, n, 0], w.dtype)
+    gb = ti.cast(response[c, n, 1], w.dtype)
+    ha = ti.cast(response[c, n + rows.points // 4, 2], w.dtype)
+    hb = ti.cast(response[c, n + rows.points // 4, 3], w.dtype)
+    i = n
+    for lane in range(w.shape[2]):
+        ar = ga * w[p, i + up, lane] - gb * w[p, i + up + h, lane]
+        ai = ga * w[p, i + up + h, lane] + gb * w[p, i + up, lane]
+        br = ha * w[p, i + down, lane] - hb * w[p, i + down + h, lane]
+        bi = -(ha * w[p, i + down + h, lane] + hb * w[p, i + down, lane])
+        xr = ar + bi
+        xi = ai - br
+        yr = ar - br
+        yi = ai - bi
+        vr = ar - bi
+        vi = ai + br
+        w[p, i, lane] = ar + br
+        w[p, i + im, lane] = ai + bi
+        w[p, i + q, lane] = c1 * xr - s1 * xi
+        w[p, i + q + im, lane] = c1 * xi + s1 * xr
+        w[p, i + 2 * q, lane] = c2 * yr - s2 * yi
+        w[p, i + 2 * q + im, lane] = c2 * yi + s2 * yr
+        w[p, i + 3 * q, lane] = c3 * vr - s3 * vi
+        w[p, i + 3 * q + im, lane] = c3 * vi + s3 * vr
 
 
 @ti.func
-def add_squares(
-    p: int, c: int, begin: int, points: int, kind: ti.template(),
-    weight: ti.template(), z: ti.template(), settled: ti.template(),
+def many_modes(
+    p: int, c: int, n: int, rows: ti.template(), response: ti.template(),
+    wave: ti.template(), w: ti.template(),
 ):  # fmt: skip
-    """Last pass of a transform whose two fields settle as their squares."""
-    ga = kind[c, 1]
-    gb = kind[c, 2]
-    for n in range(points // 4):
-        i = (begin + 4 * n) & (ROWS - 3)
-        for lane in range(LANES):
-            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(z, p, i, i + 1, i + 2, i + 3, lane)
-            wa = weight[p, ga, lane]
-            wb = weight[p, gb, lane]
-            a0 = settled[p, i, lane] + (wa * (x0 * x0) + wb * (y0 * y0))
-            a1 = settled[p, i + 1, lane] + (wa * (x1 * x1) + wb * (y1 * y1))
-            a2 = settled[p, i + 2, lane] + (wa * (x2 * x2) + wb * (y2 * y2))
-            a3 = settled[p, i + 3, lane] + (wa * (x3 * x3) + wb * (y3 * y3))
-            settled[p, i, lane] = a0
-            settled[p, i + 1, lane] = a1
-            settled[p, i + 2, lane] = a2
-            settled[p, i + 3, lane] = a3
+    """Butterfly n of the first pass with all four of its coefficients."""
+    q, im, h = ti.static(rows.q, rows.im, rows.half)
+    quarter = ti.static(rows.points // 4)
+    i = n
+    for part in ti.static(range(2)):
+        a = ti.cast(response[c, n + part * quarter, 0], w.dtype)
+        b = ti.cast(response[c, n + part * quarter, 1], w.dtype)
+        e = ti.cast(response[c, n + part * quarter, 2], w.dtype)
+        f = ti.cast(response[c, n + part * quarter, 3], w.dtype)
+        up = ti.static(rows.up + part * quarter)
+        down = ti.static(rows.down + part * quarter)
+        for lane in range(w.shape[2]):
+            x = w[p, i + up, lane]
+            y = w[p, i + up + h, lane]
+            v = w[p, i + down, lane]
+            z = w[p, i + down + h, lane]
+            w[p, i + part * q, lane] = a * x - b * y
+            w[p, i + part * q + im, lane] = a * y + b * x
+            w[p, i + (2 + part) * q, lane] = e * v - f * z
+            w[p, i + (2 + part) * q + im, lane] = -(e * z + f * v)
+    back_4(w, p, i, q, im, n, wave)
+
+
+@ti.func
+def add_squares(p: int, begin: int, rows: ti.template(), w: ti.template()):
+    """Last pass of a transform whose two fields settle as their squares: a quarter of the points."""
+    s = ti.static(rows.settled)
+    weights = ti.static(rows.picked)
+    for n in range(rows.points // 16):
+        i = (begin + 4 * n) & POINTS
+        for lane in range(w.shape[2]):
+            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(w, p, i, 1, rows.im, lane)
+            wa = w[p, weights, lane]
+            wb = w[p, weights + 1, lane]
+            w[p, i + s, lane] = w[p, i + s, lane] + (wa * (x0 * x0) + wb * (y0 * y0))
+            w[p, i + s + 1, lane] = w[p, i + s + 1, lane] + (wa * (x1 * x1) + wb * (y1 * y1))
+            w[p, i + s + 2, lane] = w[p, i + s + 2, lane] + (wa * (x2 * x2) + wb * (y2 * y2))
+            w[p, i + s + 3, lane] = w[p, i + s + 3, lane] + (wa * (x3 * x3) + wb * (y3 * y3))
 
 
 @ti.func
 def begin_power(
-    p: int, c: int, begin: int, points: int, kind: ti.template(), law: ti.template(),
-    z: ti.template(), q2: ti.template(),
+    p: int, c: int, begin: int, rows: ti.template(), depth: ti.template(),
+    law: ti.template(), w: ti.template(),
 ):  # fmt: skip
     """Last pass of a transform of two deviators of one depth: begin its σ_d²."""
-    depth = kind[c, 1] & 1
-    m0 = law[c, 0]
-    m1 = law[c, 1]
-    for n in range(points // 4):
-        i = (begin + 4 * n) & (ROWS - 3)
-        for lane in range(LANES):
-            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(z, p, i, i + 1, i + 2, i + 3, lane)
-            q2[p, depth, i, lane] = (m0 + x0) * (m0 + x0) + (m1 + y0) * (m1 + y0)
-            q2[p, depth, i + 1, lane] = (m0 + x1) * (m0 + x1) + (m1 + y1) * (m1 + y1)
-            q2[p, depth, i + 2, lane] = (m0 + x2) * (m0 + x2) + (m1 + y2) * (m1 + y2)
-            q2[p, depth, i + 3, lane] = (m0 + x3) * (m0 + x3) + (m1 + y3) * (m1 + y3)
+    s = ti.static(rows.squared[depth])
+    m0 = ti.cast(law[c, 0], w.dtype)
+    m1 = ti.cast(law[c, 1], w.dtype)
+    for n in range(rows.points // 16):
+        i = (begin + 4 * n) & POINTS
+        for lane in range(w.shape[2]):
+            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(w, p, i, 1, rows.im, lane)
+            w[p, i + s, lane] = (m0 + x0) * (m0 + x0) + (m1 + y0) * (m1 + y0)
+            w[p, i + s + 1, lane] = (m0 + x1) * (m0 + x1) + (m1 + y1) * (m1 + y1)
+            w[p, i + s + 2, lane] = (m0 + x2) * (m0 + x2) + (m1 + y2) * (m1 + y2)
+            w[p, i + s + 3, lane] = (m0 + x3) * (m0 + x3) + (m1 + y3) * (m1 + y3)
 
 
 @ti.func
 def add_power(
-    p: int, c: int, begin: int, points: int, kind: ti.template(), law: ti.template(),
-    weight: ti.template(), z: ti.template(), q2: ti.template(), settled: ti.template(),
-):  # fmt: skip
+    p: int, c: int, begin: int, rows: ti.template(), law: ti.template(), w: ti.template()
+):
     """Last pass of a transform of the third deviators of two depths, which then settle."""
-    g = kind[c, 1]
-    m0 = law[c, 0]
-    m1 = law[c, 1]
-    exponent = law[c, 4]
-    for n in range(points // 4):
-        i = (begin + 4 * n) & (ROWS - 3)
-        for lane in range(LANES):
-            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(z, p, i, i + 1, i + 2, i + 3, lane)
-            z[p, i, 0, lane] = m0 + x0
-            z[p, i, 1, lane] = m1 + y0
-            z[p, i + 1, 0, lane] = m0 + x1
-            z[p, i + 1, 1, lane] = m1 + y1
-            z[p, i + 2, 0, lane] = m0 + x2
-            z[p, i + 2, 1, lane] = m1 + y2
-            z[p, i + 3, 0, lane] = m0 + x3
-            z[p, i + 3, 1, lane] = m1 + y3
-    for depth in range(2):
-        scale = law[c, 2 + depth]
-        if scale > 0.0:
-            for row in range(begin, begin + points):
-                i = row & ROWS
-                for lane in range(LANES):
-                    x = z[p, i, depth, lane]
-                    value = strain_power(q2[p, depth, i, lane] + x * x, exponent)
-                    settled[p, i, lane] = settled[p, i, lane] + weight[p, g, lane] * scale * value
+    im, s = ti.static(rows.im, rows.settled)
+    s0, s1 = ti.static(rows.squared[0], rows.squared[1])
+    weights = ti.static(rows.picked)
+    m0 = ti.cast(law[c, 0], w.dtype)
+    m1 = ti.cast(law[c, 1], w.dtype)
+    c0 = ti.cast(law[c, 2], w.dtype)
+    c1 = ti.cast(law[c, 3], w.dtype)
+    exponent = ti.cast(law[c, 4], w.dtype)
+    for n in range(rows.points // 16):
+        i = (begin + 4 * n) & POINTS
+        for lane in range(w.shape[2]):
+            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(w, p, i, 1, rows.im, lane)
+            w[p, i, lane] = m0 + x0
+            w[p, i + im, lane] = m1 + y0
+            w[p, i + 1, lane] = m0 + x1
+            w[p, i + 1 + im, lane] = m1 + y1
+            w[p, i + 2, lane] = m0 + x2
+            w[p, i + 2 + im, lane] = m1 + y2
+            w[p, i + 3, lane] = m0 + x3
+            w[p, i + 3 + im, lane] = m1 + y3
+    for n in range(rows.points // 4):
+        i = (begin + n) & POINTS
+        for lane in range(w.shape[2]):
+            x = w[p, i, lane]
+            y = w[p, i + im, lane]
+            a = w[p, i + s0, lane] + x * x
+            b = w[p, i + s1, lane] + y * y
+            if ti.static(w.dtype == ti.f32):
+                a = strain_power_32(a, exponent)
+                b = strain_power_32(b, exponent)
+            else:
+                a = strain_power(a, exponent)
+                b = strain_power(b, exponent)
+            w[p, i + s, lane] = w[p, i + s, lane] + w[p, weights, lane] * (c0 * a + c1 * b)
 
 
 @ti.func
 def collect(
-    p: int, t: int, n_modes: int, wave: ti.template(), band: ti.template(),
-    settled: ti.template(), active: ti.template(), uniform: ti.template(), d: ti.template(),
+    p: int, t: int, o: int, rows: ti.template(), n_modes: int, first: int,
+    wave: ti.template(), active: ti.template(), uniform: ti.template(), w: ti.template(),
 ):  # fmt: skip
     """Growth of the modes and uniform settlement from the transforms of the four quarters."""
-    quarter = wave.shape[0] // 4
-    e = 1.0 / wave.shape[0]
-    for lane in range(LANES):
-        total = 0.0
-        for q in ti.static(range(4)):
-            total = total + settled[p, q * quarter, lane]
-        uniform[t, lane] = uniform[t, lane] + active[t, lane] * (e * total)
+    q, s, quarter = ti.static(rows.q, rows.settled, rows.points // 4)
+    e = ti.cast(1.0 / rows.points, w.dtype)
+    for lane in range(w.shape[2]):
+        total = (w[p, s, lane] + w[p, s + q, lane]) + (w[p, s + 2 * q, lane] + w[p, s + 3 * q, lane])
+        uniform[t, o + lane] = uniform[t, o + lane] + active[t, o + lane] * (e * total)
     for mode in range(n_modes):
-        k = mode & ROWS
-        n = band[0] + k
-        i = (n % quarter) & ROWS
-        m = ((quarter - i) % quarter) & ROWS
-        c1 = wave[n, 0]
-        s1 = wave[n, 1]
-        c2 = wave[2 * n, 0]
-        s2 = wave[2 * n, 1]
-        c3 = wave[3 * n, 0]
-        s3 = wave[3 * n, 1]
-        for lane in range(LANES):
+        n = first + mode
+        to = (rows.grown + n) & POINTS
+        i = (s + n % quarter) & POINTS
+        m = (s + (quarter - n % quarter) % quarter) & POINTS
+        c1, s1 = twiddle(wave, n, w)
+        c2, s2 = twiddle(wave, 2 * n, w)
+        c3, s3 = twiddle(wave, 3 * n, w)
+        for lane in range(w.shape[2]):
             # twice the transforms of the first quarter, x, and of the second, y; then the others
-            ar = settled[p, i, lane]
-            ai = settled[p, i + quarter, lane]
-            br = settled[p, m, lane]
-            bi = settled[p, m + quarter, lane]
+            ar = w[p, i, lane]
+            ai = w[p, i + q, lane]
+            br = w[p, m, lane]
+            bi = w[p, m + q, lane]
             xr = ar + br
             xi = ai - bi
             yr = ai + bi
             yi = br - ar
             re = xr + (c1 * yr + s1 * yi)
             im = xi + (c1 * yi - s1 * yr)
-            ar = settled[p, i + 2 * quarter, lane]
-            ai = settled[p, i + 3 * quarter, lane]
-            br = settled[p, m + 2 * quarter, lane]
-            bi = settled[p, m + 3 * quarter, lane]
+            ar = w[p, i + 2 * q, lane]
+            ai = w[p, i + 3 * q, lane]
+            br = w[p, m + 2 * q, lane]
+            bi = w[p, m + 3 * q, lane]
             xr = ar + br
             xi = ai - bi
             yr = ai + bi
             yi = br - ar
             re = re + (c2 * xr + s2 * xi) + (c3 * yr + s3 * yi)
             im = im + (c2 * xi - s2 * xr) + (c3 * yi - s3 * yr)
-            d[t, k, 0, lane] = d[t, k, 0, lane] + e * re
-            d[t, k, 1, lane] = d[t, k, 1, lane] + e * im
+            w[p, to, lane] = w[p, to, lane] + e * re
+            w[p, to + rows.half, lane] = w[p, to + rows.half, lane] + e * im
+
+
+@ti.func
+def give_back(
+    p: int, t: int, o: int, rows: ti.template(), n_modes: int, first: int,
+    d: ti.template(), w: ti.template(),
+):  # fmt: skip
+    """Copy the growth of a block to its lanes."""
+    for mode in range(n_modes):
+        k = mode & ROWS
+        i = (rows.grown + ((first + mode) & ROWS)) & POINTS
+        for lane in range(w.shape[2]):
+            d[t, k, 0, o + lane] = ti.cast(w[p, i, lane], d.dtype)
+        for lane in range(w.shape[2]):
+            d[t, k, 1, o + lane] = ti.cast(w[p, i + rows.half, lane], d.dtype)
+
+
+@ti.func
+def step_on(
+    t: int, o: int, lanes: ti.template(), n_modes: int, power_limit: float,
+    u: ti.template(), d: ti.template(),
+    active: ti.template(), power: ti.template(), passages: ti.template(),
+):  # fmt: skip
+    """Add the growth to the profiles of a block; those that reach the limit stop there."""
+    for lane in range(lanes):
+        power[t, o + lane] = 0.0
+    for mode in range(n_modes):
+        k = mode & ROWS
+        for lane in range(lanes):
+            x = u[t, k, 0, o + lane] + active[t, o + lane] * d[t, k, 0, o + lane]
+            y = u[t, k, 1, o + lane] + active[t, o + lane] * d[t, k, 1, o + lane]
+            u[t, k, 0, o + lane] = x
+            u[t, k, 1, o + lane] = y
+            power[t, o + lane] = power[t, o + lane] + (x * x + y * y)
+    for lane in range(lanes):
+        if active[t, o + lane] > 0.5:
+            passages[t, o + lane] = passages[t, o + lane] + 1
+            # Written so that an amplitude that is no number stops, too.
+            if not power[t, o + lane] < power_limit:
+                active[t, o + lane] = 0.0

@@ -15,26 +15,36 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
-from mcsettle.kernels.fourier import forwards, pass_back
+from mcsettle.kernels.fourier import forwards, pass_back, stages
 from mcsettle.kernels.passes import (
+    GROUPS,
+    Rows,
     add_linear,
     add_power,
     add_squares,
     begin_power,
-    clear,
+    clear_rows,
     collect,
     first_pass,
+    give_back,
+    pick_weights,
+    step_on,
+    take_up,
+    weigh,
 )
-from mcsettle.kernels.spectral import CAPACITY, LANES, N_TILES, update
+from mcsettle.kernels.spectral import CAPACITY, LANES, N_TILES, PRECISIONS
 
 WORKERS = 16
-SQUARES, BEGIN = 0, 1  # what becomes of a transform's fields; else they finish what another began
+BLOCK = {"f64": 32, "f32": 64}  # lanes that go through a passage together: what fits the cache
+# What becomes of a transform's fields: squares, two deviators of a first or next depth, the third of both.
+SQUARES, BEGIN, NEXT = 0, 1, 2
 
 
 @dataclass(frozen=True)
 class Workspace:
     """Fields of one band and grid, allocated once and reused for every batch (as spectral's)."""
 
+    rows: Rows
     u: ti.Field
     du: ti.Field
     own: ti.Field
@@ -42,30 +52,33 @@ class Workspace:
     power: ti.Field
     uniform: ti.Field
     passages: ti.Field
-    weight: ti.Field
-    z: ti.Field
-    q2: ti.Field
-    settled: ti.Field
+    w: ti.Field
     owner: list[object]
 
+    def scratch(self) -> tuple[ti.Field, ...]:
+        """The fields in the order of the kernel's arguments."""
+        return (
+            self.u, self.du, self.own, self.active, self.power, self.uniform,
+            self.passages, self.w,
+        )  # fmt: skip
 
-def workspace(n_modes: int, n_points: int, n_groups: int) -> Workspace:
+
+def workspace(n_modes: int, n_points: int, n_groups: int, precision: str = "f64") -> Workspace:
     """Room for such a band and grid, rounded up: another shape compiles the kernels again."""
-    rows = max(256, 1 << (n_points - 1).bit_length())
-    return _allocated(-(-n_modes // 64) * 64, rows, max(4, n_groups))
+    if n_groups > GROUPS:
+        raise ValueError(f"{n_groups} settling layers; at most {GROUPS} here")
+    return _allocated(-(-n_modes // 64) * 64, n_points, precision)
 
 
 @functools.cache
-def _allocated(n_modes: int, n_points: int, n_groups: int) -> Workspace:
-    state = [ti.field(ti.f64, shape=(N_TILES, n_modes, 2, LANES)) for _ in range(2)]
-    own = ti.field(ti.f64, shape=(N_TILES, n_groups, LANES))
+def _allocated(n_modes: int, n_points: int, precision: str) -> Workspace:
+    rows, shape = Rows(n_points), (N_TILES, n_modes, 2, LANES)
+    u, du = (ti.field(ti.f64, shape=shape) for _ in range(2))
+    own = ti.field(ti.f64, shape=(N_TILES, GROUPS, LANES))
     lanes = [ti.field(ti.f64, shape=(N_TILES, LANES)) for _ in range(3)]
     passages = ti.field(ti.i64, shape=(N_TILES, LANES))
-    weight = ti.field(ti.f64, shape=(WORKERS, n_groups, LANES))
-    z = ti.field(ti.f64, shape=(WORKERS, n_points, 2, LANES))
-    q2 = ti.field(ti.f64, shape=(WORKERS, 2, n_points, LANES))
-    settled = ti.field(ti.f64, shape=(WORKERS, n_points, LANES))
-    return Workspace(*state, own, *lanes, passages, weight, z, q2, settled, [])
+    w = ti.field(PRECISIONS[precision], shape=(WORKERS, rows.count, BLOCK[precision]))
+    return Workspace(rows, u, du, own, *lanes, passages, w, [])
 
 
 @ti.kernel
@@ -75,68 +88,70 @@ def burst(
     start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [J + 1] first transform of each axle
     kind: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [T, 3] kind, groups of the two fields
     law: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [T, 5] mean deviators, coefficients, exponent
-    response: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [T, K, 4] factors of U_k and U*_k
+    response: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [T, X/2, 4] factors of U_n, and of U*_n at X/2 − n
     linear: ti.types.ndarray(dtype=ti.f64, ndim=4),  # [J, G, K, 2]
     constant: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [J, G]
     wave: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [X, 2] cos, sin of 2π x / X
-    radix: ti.types.ndarray(dtype=ti.i32, ndim=1),  # radices between the first and the last
     band: ti.types.ndarray(dtype=ti.i32, ndim=1),  # first mode; butterflies of two modes: from, to
+    rows: ti.template(),  # Rows of the scratch field
     frozen: ti.i32,  # 1: profiles stay as they are, their growth adds up in ``d``
     power_limit: ti.f64,  # 2 sd_limit²
     n_tiles: ti.i32,
     n_groups: ti.i32,
-    u: ti.template(),
+    u: ti.template(),  # state
     d: ti.template(),
     own: ti.template(),  # growth of the cycle functions of each realisation, a factor
     active: ti.template(),
     power: ti.template(),
     uniform: ti.template(),
     passages: ti.template(),
-    weight: ti.template(),
-    z: ti.template(),
-    q2: ti.template(),
-    settled: ti.template(),
+    w: ti.template(),  # scratch
 ):
     """Advance every active realisation by the given passages, or collect its growth under them."""
     for worker in range(WORKERS):
         p = worker & (WORKERS - 1)
-        z[p, 0, 0, 0] = u[0, 0, 0, 0]  # see the spectral module's note on vectorisation
-        for turn in range((n_tiles - p + WORKERS - 1) // WORKERS):
-            t = (p + turn * WORKERS) & (N_TILES - 1)
+        w[p, 0, 0] = ti.cast(u[0, 0, 0, 0], w.dtype)  # see the spectral module's note on vectorisation
+        parts, n_modes, first = ti.static(LANES // w.shape[2]), linear.shape[2], band[0]
+        for turn in range((n_tiles * parts - p + WORKERS - 1) // WORKERS):
+            block = p + turn * WORKERS
+            t = (block // parts) & (N_TILES - 1)
+            o = ((block % parts) * w.shape[2]) & (LANES - w.shape[2])
+            clear_rows(p, rows.up, rows.weights, w)
             for step in range(axle.shape[0]):
                 j = axle[step]
                 if frozen == 0 or step == 0:
-                    clear(p, t, wave.shape[0], response.shape[1], d, settled)
-                for g in range(n_groups):
-                    w = growth[step, g]
-                    c = constant[j, g]
-                    for lane in range(LANES):
-                        own_weight = w * own[t, g, lane]
-                        weight[p, g, lane] = own_weight
-                        uniform[t, lane] = uniform[t, lane] + active[t, lane] * (own_weight * c)
-                add_linear(p, t, j, linear, u, d, weight)
+                    clear_rows(p, rows.settled, rows.squared[0], w)
+                    clear_rows(p, rows.grown, rows.weights, w)
+                    take_up(p, t, o, rows, n_modes, first, u, w)
+                weigh(p, t, o, rows, j, step, n_groups, growth, constant, own, active, uniform, w)
+                add_linear(p, rows, j, first, linear, w)
                 for c in range(start[j], start[j + 1]):
-                    first_pass(p, t, c, response, wave, band, u, z)
-                    points = wave.shape[0] // 4  # in a block
-                    for stage in range(radix.shape[0] - 1):
-                        r = radix[stage]
-                        for b in range(wave.shape[0] // points):
-                            pass_back(z, p, b * points, points // r, r, wave)
-                        points = points // r
-                    for b in range(wave.shape[0] // points):  # the last two passes, in cache
-                        if points > 4:
-                            pass_back(z, p, b * points, 4, points // 4, wave)
+                    first_pass(p, c, rows, response, wave, band, w)
+                    pick_weights(p, kind[c, 1], kind[c, 2], rows, w)
+                    for quarter in range(4):
+                        begin = quarter * rows.q
+                        for r, hop in ti.static(stages(rows.points)):
+                            for b in range(rows.points // 4 // (r * hop)):
+                                pass_back(
+                                    w, p, begin + b * (r * hop), r, hop, rows.im, rows.points, wave
+                                )
                         if kind[c, 0] == SQUARES:
-                            add_squares(p, c, b * points, points, kind, weight, z, settled)
+                            add_squares(p, begin, rows, w)
                         elif kind[c, 0] == BEGIN:
-                            begin_power(p, c, b * points, points, kind, law, z, q2)
+                            begin_power(p, c, begin, rows, 0, law, w)
+                        elif kind[c, 0] == NEXT:
+                            begin_power(p, c, begin, rows, 1, law, w)
                         else:
-                            add_power(p, c, b * points, points, kind, law, weight, z, q2, settled)
+                            add_power(p, c, begin, rows, law, w)
                 if frozen == 0 or step == axle.shape[0] - 1:
-                    forwards(settled, p, wave, radix)
-                    collect(p, t, response.shape[1], wave, band, settled, active, uniform, d)
+                    forwards(w, p, rows.settled, rows.q, rows.points, wave)
+                    collect(p, t, o, rows, n_modes, first, wave, active, uniform, w)
+                    give_back(p, t, o, rows, n_modes, first, d, w)
                 if frozen == 0:
-                    update(t, response.shape[1], power_limit, u, d, active, power, passages)
+                    step_on(
+                        t, o, w.shape[2], n_modes, power_limit,
+                        u, d, active, power, passages,
+                    )  # fmt: skip
 
 
 @ti.kernel
@@ -197,8 +212,6 @@ def evaluate(
         n_tiles = -(-(part.stop - first) // LANES)
         fill(u[part], weights[part], n_tiles, w.u, w.own, w.active, w.uniform)
         burst(
-            axles, ones, *tables, 1, 0.0, n_tiles, n_groups,
-            w.u, w.du, w.own, w.active, w.power, w.uniform, w.passages,
-            w.weight, w.z, w.q2, w.settled,
-        )  # fmt: skip
+            axles, ones, *tables, w.rows, 1, 0.0, n_tiles, n_groups, *w.scratch()
+        )
         fetch(w.du, w.uniform, change[part], uniform[part])

@@ -35,8 +35,8 @@ class Engine:
     stepping : one of ``STEPPINGS``
     right_hand_side : one of ``RIGHT_HAND_SIDES``
     tolerance : of the cycle jump, relative to the amplitudes, per step
-    precision : of the arithmetic of updates passage by passage or train by train with the spectral
-        right-hand side, one of ``PRECISIONS``; the state is in double precision always
+    precision : of the arithmetic of updates passage by passage or train by train, one of
+        ``PRECISIONS``; the state is in double precision always
     threads : Taichi threads (None: all cores)
 
     Raises
@@ -60,10 +60,9 @@ class Engine:
             )
         if precision not in PRECISIONS:
             raise ValueError(f"precision '{precision}'; choose from {PRECISIONS}")
-        if precision != "f64" and (stepping == "cycle_jump" or right_hand_side == "pointwise"):
+        if precision != "f64" and stepping == "cycle_jump":
             raise ValueError(
-                f"precision '{precision}' takes the spectral right-hand side and stepping "
-                "'every_axle' or 'every_train'"
+                f"precision '{precision}' takes stepping 'every_axle' or 'every_train'"
             )
         from mcsettle.kernels import runtime
 
@@ -87,7 +86,7 @@ class Engine:
                     "updating train by train takes the spectral right-hand side; "
                     "use stepping 'every_axle' or 'cycle_jump'"
                 )
-            self.loads = pointwise_day_loads(case)
+            self.loads = pointwise_day_loads(case, precision)
         else:
             self.loads = day_loads(case, self.pairs, stepping == "every_train", precision)
 

@@ -70,6 +70,7 @@ class PointwiseLoads:
 
     plan: DayPlan
     load: PointwiseLoad
+    precision: str = "f64"
     coefficients: tuple[np.ndarray, ...] = ()
 
     def begin(self, amplitudes: np.ndarray, power_limit: float) -> "March":
@@ -77,7 +78,8 @@ class PointwiseLoads:
         from mcsettle.kernels.march import PointwiseMarch
 
         n_groups = self.load.constant.shape[1]
-        return PointwiseMarch(amplitudes, power_limit, pointwise_tables(self.load), n_groups)
+        laid_out = pointwise_tables(self.load)
+        return PointwiseMarch(amplitudes, power_limit, laid_out, n_groups, self.precision)
 
 
 def day_loads(case: Case, pairs: ModePairs, by_train: bool, precision: str = "f64") -> Loads:
@@ -88,10 +90,10 @@ def day_loads(case: Case, pairs: ModePairs, by_train: bool, precision: str = "f6
     return Loads(day_plan(case, by_train), pairs, form, constant, mean, precision)
 
 
-def pointwise_day_loads(case: Case) -> PointwiseLoads:
+def pointwise_day_loads(case: Case, precision: str = "f64") -> PointwiseLoads:
     """Lay out every axle of every service for the pointwise kernel."""
     loads = [pointwise_load(transfer, case.model, case.window) for transfer in case.transfers]
-    return PointwiseLoads(day_plan(case, by_train=False), joined(loads))
+    return PointwiseLoads(day_plan(case, by_train=False), joined(loads), precision)
 
 
 def march(

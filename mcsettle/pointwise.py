@@ -21,7 +21,7 @@ from mcsettle.transfer import TransferFunctions
 
 TOLERANCE = 1e-8  # of the sum of squares where the exponent is 2
 LARGEST_EXPONENT = 10.0  # of the kernel's power
-SQUARES, BEGIN, FINISH = 0, 1, 2  # what becomes of the two fields of a transform
+SQUARES, BEGIN, NEXT, FINISH = 0, 1, 2, 3  # what becomes of the two fields of a transform
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def _depths(
         both = z + 1 < len(c)
         for i in range(2 if both else 1):
             means = (p[0, z + i], p[1, z + i], 0.0, 0.0, exponent)
-            found.append(((BEGIN, i, 0), means, s[0, z + i], s[1, z + i]))
+            found.append((((BEGIN, NEXT)[i], 0, 0), means, s[0, z + i], s[1, z + i]))
         other = (p[2, z + 1], c[z + 1], s[2, z + 1]) if both else (0.0, 0.0, np.zeros_like(s[2, z]))
         law = (p[2, z], other[0], c[z], other[1], exponent)
         found.append(((FINISH, group, 0), law, s[2, z], other[2]))
@@ -196,8 +196,6 @@ def joined(loads: list[PointwiseLoad]) -> PointwiseLoad:
 
 def tables(load: PointwiseLoad) -> tuple[np.ndarray, ...]:
     """The arrays in the order of the kernel's arguments, ``start`` to ``band``."""
-    from mcsettle.kernels.fourier import radices
-
     angle = 2.0 * np.pi * np.arange(load.n_points) / load.n_points
     wave = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     # Butterflies of the first pass from ``low`` to ``high`` take two modes at most.
@@ -205,5 +203,9 @@ def tables(load: PointwiseLoad) -> tuple[np.ndarray, ...]:
     quarter = load.n_points // 4
     low, high = max(0, last + 1 - quarter), min(quarter, 2 * quarter - last)
     band = np.array([first, low, max(low, high)], dtype=np.int32)
-    arrays = (load.start, load.kind, load.law, load.response, load.linear, load.constant)
-    return (*arrays, wave, radices(load.n_points), band)
+    # By mode number, upwards and downwards; the factors of the modes that there are not are zero.
+    response, half = np.zeros((len(load.kind), load.n_points // 2, 4)), load.n_points // 2
+    response[:, first : last + 1, :2] = load.response[..., :2]
+    response[:, half - last : half - first + 1, 2:] = load.response[:, ::-1, 2:]
+    arrays = (load.start, load.kind, load.law, response, load.linear, load.constant)
+    return (*arrays, wave, band)

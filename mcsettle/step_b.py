@@ -245,10 +245,10 @@ def _right_hand_side(member: ParameterSet, case: Case, shard: Shard) -> tuple[st
         "the growth"
     )
     exponent = max(law.exponent for law in case.model.group_laws)
-    if run.stepping == "every_train" or run.precision != "f64" or exponent > LARGEST_EXPONENT:
+    if run.stepping == "every_train" or exponent > LARGEST_EXPONENT:
         raise InputError(
-            f"{text}; every x and depth instead takes stepping 'every_axle' or 'cycle_jump', "
-            f"precision 'f64' and exponents up to {LARGEST_EXPONENT:g}"
+            f"{text}; every x and depth instead takes stepping 'every_axle' or 'cycle_jump' "
+            f"and exponents up to {LARGEST_EXPONENT:g}"
         )
     return "pointwise", [f'{text}; computed at every x and depth (right_hand_side = "pointwise")']
 

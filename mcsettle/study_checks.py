@@ -381,13 +381,10 @@ def _stepping(parts: Parts) -> Iterator[Fault]:
     if parts.run is None:
         return
     run = parts.run
-    if run.precision != "f64" and (
-        run.stepping == "cycle_jump" or run.right_hand_side == "pointwise"
-    ):
+    if run.precision != "f64" and run.stepping == "cycle_jump":
         yield Fault(
             "run.precision",
-            f"received '{run.precision}'; takes stepping 'every_axle' or 'every_train' and "
-            "right_hand_side = 'spectral'",
+            f"received '{run.precision}'; takes stepping 'every_axle' or 'every_train'",
         )
     if run.stepping == "cycle_jump":
         return

@@ -37,14 +37,23 @@ def test_single_precision_errs_by_its_own_digits(stepping):
     np.testing.assert_allclose(outcomes[1].mean_settlement, outcomes[0].mean_settlement, rtol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("stepping", "side"), [("cycle_jump", "spectral"), ("every_axle", "pointwise")]
-)
-def test_single_precision_is_refused_where_there_is_none(stepping, side):
+def test_single_precision_at_every_x_and_depth():
+    """The same, with the power's own series; not to the tracks' state, which stays double."""
+    case, start = toy.case(shortest=8.0, horizon=1.0), toy.profiles(range(70), shortest=8.0)
+    engines = [Engine(case, "every_axle", "pointwise", precision=p) for p in ("f64", "f32")]
+    outcomes = [engine.run(start, DAYS) for engine in engines]
+    grown = [outcome.amplitudes - start for outcome in outcomes]
+    off = np.abs(grown[1] - grown[0]).max(axis=1) / np.abs(grown[0]).max(axis=1)
+    assert 1e-9 < off.max() < 1e-5
+    np.testing.assert_allclose(outcomes[1].mean_settlement, outcomes[0].mean_settlement, rtol=1e-6)
+
+
+@pytest.mark.parametrize("side", ["spectral", "pointwise"])
+def test_single_precision_is_refused_where_there_is_none(side):
     with pytest.raises(ValueError, match="precision 'f32' takes"):
-        Engine(toy.case(shortest=8.0), stepping, side, precision="f32")
+        Engine(toy.case(shortest=8.0), "cycle_jump", side, precision="f32")
     with pytest.raises(ValueError, match="precision 'f16'"):
-        Engine(toy.case(shortest=8.0), stepping, side, precision="f16")
+        Engine(toy.case(shortest=8.0), "cycle_jump", side, precision="f16")
 
 
 def test_the_expansion_is_checked_at_the_limit_too():

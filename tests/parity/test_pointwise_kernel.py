@@ -9,7 +9,7 @@ import toy
 
 from mcsettle.clock import update_weights
 from mcsettle.kernels import fourier, runtime, spectral
-from mcsettle.kernels.laws import strain_power
+from mcsettle.kernels.laws import strain_power, strain_power_32
 from mcsettle.march import pointwise_day_loads
 from mcsettle.passage import grid_size, in_band, mode_numbers, settlement_of_passage
 from mcsettle.pointwise import pointwise_growth, pointwise_load
@@ -164,6 +164,28 @@ def test_power(exponent):
     powers(q2, exponent, found)
     assert found[0] < 1e-8
     np.testing.assert_allclose(found[1:], q2[1:] ** (exponent / 2), rtol=2e-13 * max(exponent, 1))
+
+
+@ti.kernel
+def powers_32(
+    q2: ti.types.ndarray(dtype=ti.f32, ndim=1),
+    exponent: ti.f32,
+    out: ti.types.ndarray(dtype=ti.f32, ndim=1),
+):
+    for i in range(q2.shape[0]):
+        out[i] = strain_power_32(q2[i], exponent)
+
+
+@pytest.mark.parametrize("exponent", [0.3, 1.49, 2.0, 2.4])
+def test_power_in_single_precision(exponent):
+    """Roundings of 6e-8, times the logarithm that the exponent multiplies (up to 60 here)."""
+    runtime.start()
+    q2 = np.concatenate([[0.0], np.logspace(-6.0, 18.0, 20_001)]).astype(np.float32)
+    found = np.empty_like(q2)
+    powers_32(q2, exponent, found)
+    assert found[0] < 1e-4
+    expected = q2[1:].astype(float) ** (exponent / 2)
+    np.testing.assert_allclose(found[1:], expected, rtol=3e-6 * max(exponent, 1))
 
 
 def test_march_follows_the_definition():
