@@ -1,10 +1,10 @@
 """Fourier transforms over x of blocks of realisations, the realisation in the lane.
 
-Scratch field [worker, row, lane]: each quarter of the points has its rows, the imaginary parts have theirs
-``im`` further on; of a real field two quarters make a complex one. Backward transforms (modes to x) decimate in
-frequency and leave x in digit-reversed order; forward ones decimate in time and take it in that order:
-nothing is ever reordered. The first and last passes of a transform over N points have radix 4 and belong
-to the caller; those between are here.
+Scratch field [worker, row, lane]: each quarter of the points has its rows, the imaginary parts have
+theirs ``im`` further on; of a real field two quarters make a complex one. Backward transforms (modes to
+x) decimate in frequency and leave x in digit-reversed order; forward ones decimate in time and take it
+in that order: nothing is ever reordered. The first and last passes of a transform over N points have
+radix 4 and belong to the caller; those between are here.
 
 The number of points and hence every distance between the points of a butterfly is known when the
 kernel is compiled: points of one field at known distances cannot overlap, and the compiler need not
@@ -17,7 +17,7 @@ Depends on: taichi.
 import taichi as ti
 
 POINTS = 0x3FFFF  # mask of rows
-LARGEST = 32768  # points
+LARGEST = 28000  # points
 
 
 def radices(n_points: int) -> tuple[int, ...]:
@@ -42,9 +42,7 @@ def stages(n_points: int) -> list[tuple[int, int]]:
 
 
 @ti.func
-def butterfly(
-    z: ti.template(), p: int, a: int, hop: ti.template(), im: ti.template(), lane: int
-):
+def butterfly(z: ti.template(), p: int, a: int, hop: ti.template(), im: ti.template(), lane: int):
     """Radix-4 butterfly backwards of points a, a + hop, …: real and imaginary parts in turn."""
     r0 = z[p, a, lane] + z[p, a + 2 * hop, lane]
     r1 = z[p, a, lane] - z[p, a + 2 * hop, lane]
@@ -59,7 +57,7 @@ def butterfly(
 
 @ti.func
 def twiddle(wave: ti.template(), n: int, z: ti.template()):
-    """cos and sin of 2π n / N in the precision of z."""
+    """Cosine and sine of 2π n / N in the precision of z."""
     return ti.cast(wave[n, 0], z.dtype), ti.cast(wave[n, 1], z.dtype)
 
 

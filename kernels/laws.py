@@ -12,6 +12,7 @@ LARGEST_EXPONENT = 10.0
 # rounds to an integer that is then found in the low bits; the same in single precision.
 EXPONENT, ROOT, ROUND = 52, 0x3FE6A09E667F3BCD, 1.5 * 2.0**52
 EXPONENT_32, ROOT_32, ROUND_32 = 23, 0x3F3504F3, 1.5 * 2.0**23
+ROUND_BITS, ROUND_BITS_32 = 0x433 << 52 | 1 << 51, 0x4B400000
 
 
 def _log_series(square: np.ndarray) -> np.ndarray:
@@ -48,7 +49,8 @@ def strain_power(q2: ti.f64, exponent: ti.f64) -> ti.f64:
     y = (0.5 * exponent) * ((e - (2.0**52 + 1023.0)) + s * _series(s * s, 6, LOG_TERMS))
     whole = y + ROUND
     part = _series(y - (whole - ROUND), 10, EXP_TERMS)
-    return ti.bit_cast(ti.bit_cast(part, ti.i64) + (ti.bit_cast(whole, ti.i64) << EXPONENT), ti.f64)
+    n = ti.bit_cast(whole, ti.i64) - ti.i64(ROUND_BITS)
+    return ti.bit_cast(ti.bit_cast(part, ti.i64) + (n << EXPONENT), ti.f64)
 
 
 @ti.func
@@ -62,9 +64,8 @@ def strain_power_32(q2: ti.f32, exponent: ti.f32) -> ti.f32:
     y = (ti.f32(0.5) * exponent) * (e + s * _series_32(s * s, 4, LOG_TERMS_32))
     whole = y + ti.f32(ROUND_32)
     part = _series_32(y - (whole - ti.f32(ROUND_32)), 6, EXP_TERMS_32)
-    return ti.bit_cast(
-        ti.bit_cast(part, ti.i32) + (ti.bit_cast(whole, ti.i32) << EXPONENT_32), ti.f32
-    )
+    n = ti.bit_cast(whole, ti.i32) - ti.i32(ROUND_BITS_32)
+    return ti.bit_cast(ti.bit_cast(part, ti.i32) + (n << EXPONENT_32), ti.f32)
 
 
 @ti.func

@@ -1,4 +1,4 @@
-"""What the pointwise kernel does with a block of lanes: modes to stress fields, stress to settlement and back.
+"""What the pointwise kernel does with a block of lanes: modes to stress, to settlement and back.
 
 Arguments throughout: worker ``p``, tile ``t`` and first lane ``o`` of the block in it, transform ``c``
 or axle ``j``; ``n_points`` N of the grid, known to the compiler; scratch rows ``w`` [worker, row, lane];
@@ -26,54 +26,45 @@ class Rows:
     ``q`` rows from one quarter of the points to the next; a transform has its real parts at 0 and its
     imaginary ones at ``im``. ``settled`` and ``squared``: settlement and σ_d² of two depths at every
     point. Amplitudes by mode number: ``up`` U_n at row n, ``down`` at row N/2 − n, ``grown`` their
-    growth at n, imaginary parts ``half`` further on. ``weights`` of the groups, then ``picked`` ones.
+    growth at n, imaginary parts ``half`` further on. ``weights`` of the groups, then ``picked`` ones;
+    ``count`` in all.
     """
 
     points: int
+    q: int
+    im: int
+    settled: int
+    squared: tuple[int, int]
+    half: int
+    up: int
+    down: int
+    grown: int
+    weights: int
+    picked: int
+    count: int
 
-    @property
-    def q(self) -> int:
-        return self.points // 4 + PAD
 
-    @property
-    def im(self) -> int:
-        return 4 * self.q + PAD
-
-    @property
-    def settled(self) -> int:
-        return 2 * self.im
-
-    @property
-    def squared(self) -> tuple[int, int]:
-        return 3 * self.im, 4 * self.im
-
-    @property
-    def half(self) -> int:
-        return self.points // 2 + PAD
-
-    @property
-    def up(self) -> int:
-        return 5 * self.im
-
-    @property
-    def down(self) -> int:
-        return self.up + 2 * self.half
-
-    @property
-    def grown(self) -> int:
-        return self.down + 2 * self.half
-
-    @property
-    def weights(self) -> int:
-        return self.grown + 2 * self.half
-
-    @property
-    def picked(self) -> int:
-        return self.weights + GROUPS
-
-    @property
-    def count(self) -> int:
-        return self.picked + 2
+def rows_of(points: int) -> Rows:
+    """The scratch rows of a grid of N points."""
+    q, half = points // 4 + PAD, points // 2 + PAD
+    im = 4 * q + PAD
+    up = 5 * im
+    weights = up + 6 * half
+    picked = weights + GROUPS
+    return Rows(
+        points=points,
+        q=q,
+        im=im,
+        settled=2 * im,
+        squared=(3 * im, 4 * im),
+        half=half,
+        up=up,
+        down=up + 2 * half,
+        grown=up + 4 * half,
+        weights=weights,
+        picked=picked,
+        count=picked + 2,
+    )
 
 
 @ti.func
@@ -319,7 +310,9 @@ def collect(
     q, s, quarter = ti.static(rows.q, rows.settled, rows.points // 4)
     e = ti.cast(1.0 / rows.points, w.dtype)
     for lane in range(w.shape[2]):
-        total = (w[p, s, lane] + w[p, s + q, lane]) + (w[p, s + 2 * q, lane] + w[p, s + 3 * q, lane])
+        total = (w[p, s, lane] + w[p, s + q, lane]) + (
+            w[p, s + 2 * q, lane] + w[p, s + 3 * q, lane]
+        )
         uniform[t, o + lane] = uniform[t, o + lane] + active[t, o + lane] * (e * total)
     for mode in range(n_modes):
         n = first + mode

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from mcsettle.errors import InputError
 
@@ -91,6 +90,8 @@ def band_passed(level: np.ndarray, step: float, band: Band) -> np.ndarray:
         wavenumbers = 2.0 * np.pi * np.fft.rfftfreq(len(padded), step)
         passed = np.fft.irfft(np.fft.rfft(padded) * band.gain(wavenumbers), len(padded))
     else:
+        from scipy import signal  # takes half a second to import
+
         edges = 1.0 / band.longest, 1.0 / band.shortest
         sections = signal.butter(band.order, edges, "bandpass", output="sos", fs=1.0 / step)
         passed = signal.sosfiltfilt(sections, padded, padlen=0)
