@@ -12,7 +12,7 @@ from mcsettle.fem25d.depth import depth_grid, geostatic_stress
 from mcsettle.fem25d.element import smeared_stiffness
 from mcsettle.fem25d.grid import growing_lines, uniform_lines
 from mcsettle.fem25d.pml import Border
-from mcsettle.fem25d.quadrature import jump_shares, wavenumber_quadrature
+from mcsettle.fem25d.quadrature import jump_shares, smooth_support, wavenumber_quadrature
 from mcsettle.fem25d.reduced import output_error
 from mcsettle.fem25d.section import AXIAL_RATIO, track_section
 from mcsettle.fem25d.solve import factorise, operator, outputs, solve
@@ -88,6 +88,44 @@ def test_modes_agree_with_plain_solutions(response):
         np.testing.assert_allclose(
             spectrum.stress[half + i].ravel(), exact[1:], atol=1e-6 * np.abs(exact[1:]).max()
         )
+
+
+def test_a_shorter_border_serves_larger_wavenumbers(section):
+    """Cut where the field has decayed: fewer unknowns, the same outputs; not so for long waves."""
+    for k, omega in ((0.4, 30.0), (1.5, 150.0), (3.0, 100.0)):
+        part = section.for_wavenumbers(k, MESH.border)
+        assert part.unknowns < 0.8 * section.unknowns
+        exact = outputs(section, k, solve(section, k, omega))
+        assert output_error(outputs(part, k, solve(part, k, omega)), exact) < 0.02  # the mesh's own
+    part = section.for_wavenumbers(0.4, MESH.border)
+    exact = outputs(section, 0.01, solve(section, 0.01, 0.5))
+    assert output_error(outputs(part, 0.01, solve(part, 0.01, 0.5)), exact) > 0.05
+    assert section.for_wavenumbers(0.0, MESH.border) is section
+
+
+def test_a_cut_border_is_a_part_of_the_whole(section):
+    part = section.for_wavenumbers(0.5, MESH.border)
+    kept = np.searchsorted(section.free, part.free)
+    whole = operator(section, 0.7, 20.0)[kept][:, kept]
+    assert abs(whole - operator(part, 0.7, 20.0)).max() == 0.0
+    assert np.abs(part.load).sum() == np.abs(section.load).sum()
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.02, 0.05])
+def test_support_spreads_responses_with_damped_poles(damping):
+    """Poles at k = k₀ (1 ± iξ), as those of surface waves; undamped: the rule's own wavenumbers."""
+    rule = wavenumber_quadrature(12.0, 0.045, 12)
+    support = smooth_support(rule, damping)
+    poles = np.array([0.3, 1.1, 4.7, 9.0]) * (1.0 + 1j * max(damping, 0.01))
+
+    def values(k):
+        return np.sum(poles**2 / (k[:, None] ** 2 - poles**2), axis=1)[None, :, None]
+
+    found, exact = support.spread(values(support.nodes)), values(rule.nodes)
+    assert (support.nodes.size == rule.nodes.size) == (damping == 0.0)
+    assert damping == 0.0 or support.nodes.size < 0.5 * rule.nodes.size
+    bound = 1e-12 if damping == 0.0 else 3e-3
+    assert np.abs(found - exact).max() < bound * np.abs(exact).max()
 
 
 def test_constant_load_gives_real_fields(response):

@@ -15,9 +15,7 @@ FIRST = 0.005  # rad/m, first panel next to k = 0
 RATIO = 0.2  # panel length over its wavenumber, near k = 0
 FAR = 3.0  # rad/m, beyond which panels lengthen again
 FAR_GROWTH = 0.006  # further panel length per wavenumber there
-SMOOTH = (
-    5.0  # length of a piece on which a response is a polynomial, over damping ratio and wavenumber
-)
+SMOOTH = 3.3  # length of a piece over which a response is a polynomial, over ξ k
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class Support:
 def smooth_support(quadrature: Quadrature, damping: float) -> Support:
     """Support of responses of a ground with damping ratio ``damping`` or more.
 
-    Panels are joined while their length stays below 5 ξ k; the response is interpolated in each
+    Panels are joined while their length stays below 3.3 ξ k; the response is interpolated in each
     piece through as many Gauss–Legendre points as a panel has.
     """
     edges, n = quadrature.edges, quadrature.points
