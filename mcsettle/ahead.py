@@ -55,9 +55,9 @@ class Ahead:
 
     def __enter__(self) -> "Ahead":
         if self.processes > 1 and self.total > 1:
-            from mcsettle.fem25d.response import one_blas_thread
+            from mcsettle.fem25d.response import worker_environment
 
-            self.stack.enter_context(one_blas_thread())
+            self.stack.enter_context(worker_environment())
             context = multiprocessing.get_context("spawn")
             self.pool = ProcessPoolExecutor(min(self.processes, self.total), mp_context=context)
             self._fill()

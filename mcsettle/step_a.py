@@ -292,11 +292,11 @@ def _soften_ahead(
                     jobs[job] = None
     if len(jobs) < 2:
         return
-    from mcsettle.fem25d.response import one_blas_thread
+    from mcsettle.fem25d.response import worker_environment
 
     context = multiprocessing.get_context("spawn")
     with (
-        one_blas_thread(),
+        worker_environment(),
         ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool,
     ):
         contact = study.track_table.hertz_stiffness_n_per_m

@@ -27,7 +27,13 @@ from mcsettle.waves import rayleigh_speed
 Progress = Callable[[int, int, str], None]
 HELD_OUT = 3  # random check points a band; a softened ground, one of several alike, has one
 HELD_OUT_SEED = 8_230_451
-BLAS_THREADS = "OPENBLAS_NUM_THREADS"
+# What a spawned process reads when it starts: one BLAS thread; and freed memory stays with it, as every
+# factorisation takes tens of megabytes whose pages the system would clear again each time (glibc).
+WORKER = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "MALLOC_MMAP_THRESHOLD_": "1000000000",
+    "MALLOC_TRIM_THRESHOLD_": "1000000000",
+}
 
 
 def section_response(
@@ -147,7 +153,7 @@ def _compute(
     else:
         context = multiprocessing.get_context("spawn")
         with (
-            one_blas_thread(),
+            worker_environment(),
             ProcessPoolExecutor(min(workers, count), mp_context=context) as pool,
         ):
             jobs = {pool.submit(_task, model, i): i for i in range(count)}
@@ -159,17 +165,18 @@ def _compute(
 
 
 @contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """Let processes spawned inside use one BLAS thread each: they read it when they start."""
-    before = os.environ.get(BLAS_THREADS)
-    os.environ[BLAS_THREADS] = "1"
+def worker_environment() -> Iterator[None]:
+    """Environment for processes spawned inside; that of this process is put back."""
+    before = {name: os.environ.get(name) for name in WORKER}
+    os.environ.update(WORKER)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ[BLAS_THREADS]
-        else:
-            os.environ[BLAS_THREADS] = before
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 _sections: dict[str, Section] = {}  # of a worker process: bands of one track share their section
