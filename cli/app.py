@@ -20,6 +20,7 @@ from mcsettle.cli.edge import (
     checked_out,
     cores,
     heed_termination,
+    own_folders,
     plainly,
     talk,
     together,
@@ -107,8 +108,16 @@ def schema() -> None:
 @app.command()
 @plainly
 def run(
-    study: StudyFile,
-    out: Annotated[str, typer.Option(help="Folder for the results, or its URL (s3, gs, abfs).")],
+    studies: Annotated[
+        list[Path], typer.Argument(metavar="STUDY...", help="Study file (TOML), or several.")
+    ],
+    out: Annotated[
+        str,
+        typer.Option(
+            help="Folder for the results, or its URL (s3, gs, abfs); of several studies: "
+            "their folders' folder."
+        ),
+    ],
     realisations: Annotated[int | None, typer.Option(min=1, help="Tracks to simulate.")] = None,
     parameter_sets: Annotated[
         int | None, typer.Option(min=1, help="Draws of the uncertain inputs.")
@@ -141,15 +150,20 @@ def run(
         str | None, typer.Option(help="Folder or URL of what Step A has computed.")
     ] = None,
 ) -> None:
-    """Run a study: every scenario and variant, results as Parquet in a folder."""
+    """Run a study: every scenario and variant, results as Parquet in a folder.
+
+    Several studies run one after the other, each into a folder of its file's name under DIR.
+    """
     from mcsettle.cli import runs
     from mcsettle.study import load_study
 
     with_cache(cache)
-    loaded = load_study(study)
+    folders = own_folders(studies, out)
+    loaded = [load_study(study) for study in studies]
     checked_out(out)
     together(shards, scheduler, until, max_minutes)
-    _warn(loaded)
+    for study in loaded:
+        _warn(study)
     options: dict[str, Any] = {
         "realisations": realisations,
         "parameter_sets": parameter_sets,
@@ -162,7 +176,7 @@ def run(
         "progress": Progress(),
         "processes": cores(),
     }
-    runs.run(loaded, out, options, until, max_minutes, shards, scheduler)
+    runs.run_all(loaded, folders, options, until, max_minutes, shards, scheduler)
 
 
 @app.command()

@@ -106,6 +106,25 @@ def checked_out(out: str) -> None:
         checked_folder(Path(out))
 
 
+def own_folders(studies: list[Path], out: str) -> list[str]:
+    """Folder or URL of the results of each study: ``out``, or for several one under it for each.
+
+    Raises
+    ------
+    InputError
+        If two studies' files have the same name.
+    """
+    if len(studies) == 1:
+        return [out]
+    names = [study.stem for study in studies]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise InputError(
+            f"{', '.join(twice)}: several study files of this name; their results would go to one "
+            "folder. Run them one by one, or rename one"
+        )
+    return [f"{out.rstrip('/')}/{name}" for name in names]
+
+
 def with_cache(cache: str | None) -> None:
     """Use the folder or URL ``cache`` for what Step A computes, here and in spawned processes."""
     if cache is not None:

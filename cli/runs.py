@@ -25,6 +25,20 @@ if TYPE_CHECKING:
 MOST_SHOWN = 10
 
 
+def run_all(
+    studies: list["Study"], folders: list[str], options: dict[str, Any], *rest: Any
+) -> None:
+    """``run`` for each study and folder in turn; exits with the highest of their exit codes."""
+    worst = 0
+    for study, folder in zip(studies, folders, strict=True):
+        try:
+            run(study, folder, dict(options), *rest)
+        except typer.Exit as ended:
+            worst = max(worst, ended.exit_code)
+    if worst:
+        raise typer.Exit(worst)
+
+
 def run(
     study: "Study",
     out: str,

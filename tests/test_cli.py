@@ -507,3 +507,20 @@ def test_interrupt_is_130(tmp_path: Path) -> None:
     assert done.returncode in (130, -signal.SIGINT)
     assert "Interrupted" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_several_studies_run_into_folders_of_their_names(tmp_path):
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.toml").write_text(Path(TOY).read_text())
+    files = [tmp_path / "one.toml", tmp_path / "two.toml"]
+    done = invoke("run", *files, "--out", tmp_path / "both", "--realisations", 8)
+    assert done.exit_code == 0, done.output
+    kept = [(tmp_path / "both" / n / "manifest.json").exists() for n in ("one", "two")]
+    assert kept == [True, True]
+
+
+def test_studies_of_one_name_are_refused_together(tmp_path):
+    done = invoke("run", TOY, TOY, "--out", tmp_path / "both")
+    assert done.exit_code == 2
+    assert "toy: several study files of this name" in done.output
+    assert not (tmp_path / "both").exists()
