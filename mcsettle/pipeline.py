@@ -149,12 +149,15 @@ def prepare(
     shards = slice_of(all_shards(study, size), part)
     shelf = Shelf.of(study) if study.nested else None
     sound = next((member.study for member in members if not member.failure), study)
-    central = step_a(sound if study.grounds_table else study, progress, processes, shelf)
+    central = step_a(
+        sound if study.grounds_table else study, progress, processes, shelf, check_speeds=True
+    )
     if start:  # before anything starts it with other threads
         runtime.start(threads)
     provenance = _provenance(study, central, size)
     store.same_study(at, provenance)
-    job = Job(study, at, provenance, threads, batch, progress, held=held_shards(at))
+    remarks, held_now = list(central.remarks), held_shards(at)
+    job = Job(study, at, provenance, threads, batch, progress, remarks, held_now)
     refuse_smaller(at, job.held, study)
     todo = [shard for shard in shards if not (shard.name in job.held and job.is_whole(shard))]
     store.prepare(at, provenance, finished=part is not None and not todo)

@@ -3,8 +3,8 @@
 What was computed once is kept in the cache folder under the digest of everything it depends on, so a
 change of Step B or of the economics costs nothing here.
 
-Depends on: beam, errors, fem25d, interaction, irregularity, shared_cache, soil, study, track,
-traffic, transfer_file.
+Depends on: beam, errors, fem25d, interaction, irregularity, near_critical, shared_cache, soil, study,
+track, traffic, transfer_file.
 """
 
 import hashlib
@@ -22,6 +22,7 @@ from mcsettle.errors import InputError
 from mcsettle.files import cache_folder
 from mcsettle.interaction import precompute, transfer_digest
 from mcsettle.irregularity import wavenumbers
+from mcsettle.near_critical import speed_remark
 from mcsettle.shared_cache import bring, share
 from mcsettle.soil import SofteningSettings
 from mcsettle.study import Study
@@ -43,9 +44,13 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class StepA:
-    """Transfer functions of a study by (variant, scenario): one per service, in timetable order."""
+    """Transfer functions of a study by (variant, scenario): one per service, in timetable order.
+
+    ``remarks`` are on trains near the critical speed, where they were asked for.
+    """
 
     transfers: dict[tuple[str, str], tuple[TransferFunctions, ...]]
+    remarks: tuple[str, ...] = ()
 
     @property
     def digest(self) -> str:
@@ -213,17 +218,19 @@ def step_a(
     progress: Progress | None = None,
     workers: int = 1,
     shelf: Shelf | None = None,
+    check_speeds: bool = False,
 ) -> StepA:
     """Transfer functions of every variant and scenario, computed once where equal, kept on disk.
 
-    With a ``shelf`` what is on it is taken, and what was needed is put there.
+    With a ``shelf`` what is on it is taken, and what was needed is put there. With ``check_speeds``
+    trains near the critical speed of track and ground are remarked on.
     """
     share, shelf = shelf is not None, shelf or Shelf()
     modes, contact = study_wavenumbers(study), study.track_table.hertz_stiffness_n_per_m
     responses, found = shelf.responses, shelf.found
     if workers > 1:
         _soften_ahead(study, shelf, modes, progress, workers)
-    transfers, used = {}, set[Any]()
+    transfers, used, near = {}, set[Any](), dict[str | None, None]()
     for variant in study.variant_names:
         # Settlement laws belong to Step B: parameter sets that differ in them share one response.
         track = _without_laws(study.track(variant)) if share else study.track(variant)
@@ -247,9 +254,11 @@ def step_a(
                     )
                 group.append(found[key])
                 used |= {key, ground}
+                if check_speeds and ground in responses:
+                    near[speed_remark(service, responses[ground], softened is not None)] = None
             transfers[variant, scenario] = tuple(group)
     shelf.trim(used)
-    return StepA(transfers)
+    return StepA(transfers, tuple(remark for remark in near if remark is not None))
 
 
 def needs(study: Study, shelf: Shelf) -> set[Any]:

@@ -1,6 +1,6 @@
 """Describe a study's track and trains in numbers: wave speeds, deflection, compliance, stresses.
 
-Depends on: fem25d, stress, study, study_checks, track, track_case, transfer, units, views.
+Depends on: fem25d, near_critical, stress, study, track, track_case, transfer, units, views.
 """
 
 import math
@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from mcsettle.fem25d import SectionResponse
+from mcsettle.near_critical import critical_speed_of, speed_remark
 from mcsettle.step_a import Progress, softening_history
 from mcsettle.stress import deviatoric_stress
 from mcsettle.study import Study
-from mcsettle.study_checks import NEAR_CRITICAL
 from mcsettle.track import SectionTrack, Track
 from mcsettle.track_case import Run, TrackCase, table4, track_case, track_cases
 from mcsettle.transfer import TrackResponse
@@ -38,7 +38,7 @@ def describe(case: TrackCase) -> list[Row]:
     rows = _layer_rows(case.track) + _response_rows(case.response)
     if case.runs[0].softened is None and isinstance(case.response, SectionResponse):
         name = "critical speed of track and ground"
-        rows.append((name, _critical(case.response) / KMH, "km/h"))
+        rows.append((name, critical_speed_of(case.response) / KMH, "km/h"))
     for run in case.runs:
         rows += _softening_rows(run, case) + _run_rows(run, case.track)
     return rows
@@ -79,27 +79,10 @@ def _response_rows(response: TrackResponse) -> list[Row]:
     ]
 
 
-def _critical(response: TrackResponse) -> float:
-    """Speed [m/s] of the largest quasi-static deflection; where a beam has none, that of its waves."""
-    if not isinstance(response, SectionResponse):
-        return response.rayleigh_speed
-    from mcsettle.fem25d.critical import critical_speed
-
-    return critical_speed(response).speed
-
-
 def speed_warnings(case: TrackCase) -> list[str]:
     """Trains faster than 0.8 of the critical speed of the ground they run on, softened or not."""
-    remarks = []
-    for run in case.runs:
-        critical, speed = _critical(run.response), run.service.speed
-        if speed > NEAR_CRITICAL * critical:
-            ground = "" if run.softened is None else " on the ground it softens"
-            remarks.append(
-                f"{run.label}: {speed / critical:.0%} of the critical speed of track and ground"
-                f"{ground} ({critical / KMH:.0f} km/h)"
-            )
-    return remarks
+    remarks = (speed_remark(r.service, r.response, r.softened is not None) for r in case.runs)
+    return [remark for remark in remarks if remark is not None]
 
 
 def _softened_speeds(run: Run, track: SectionTrack, mean: np.ndarray) -> list[Row]:
@@ -111,7 +94,7 @@ def _softened_speeds(run: Run, track: SectionTrack, mean: np.ndarray) -> list[Ro
             name = f"{run.label}: {layer.name}, Rayleigh wave speed at the mean modulus"
             rows.append((name, rayleigh_speed(soft) / KMH, "km/h"))
     name = f"{run.label}: critical speed of track and softened ground"
-    return [*rows, (name, _critical(run.response) / KMH, "km/h")]
+    return [*rows, (name, critical_speed_of(run.response) / KMH, "km/h")]
 
 
 def _softening_rows(run: Run, case: TrackCase) -> list[Row]:
@@ -136,7 +119,11 @@ def _run_rows(run: Run, track: Track) -> list[Row]:
     transfer, head = run.transfer, run.label
     axle = 4 * (len(transfer.rail_deflection) // 8)
     rows: list[Row] = [
-        (f"{head}: speed over the critical speed", transfer.speed / _critical(run.response), "1"),
+        (
+            f"{head}: speed over the critical speed",
+            transfer.speed / critical_speed_of(run.response),
+            "1",
+        ),
         (f"{head}: rail deflection, quasi-static", transfer.rail_deflection[axle] / MM, "mm"),
     ]
     wavelengths = 2.0 * np.pi / transfer.wavenumbers

@@ -5,7 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import toy
 
+from mcsettle import near_critical
 from mcsettle.fem25d import MeshSettings, Settings, section_response
 from mcsettle.fem25d.critical import critical_speed, deflections
 from mcsettle.fem25d.depth import depth_grid, geostatic_stress
@@ -16,7 +18,9 @@ from mcsettle.fem25d.quadrature import jump_shares, smooth_support, wavenumber_q
 from mcsettle.fem25d.reduced import output_error
 from mcsettle.fem25d.section import AXIAL_RATIO, track_section
 from mcsettle.fem25d.solve import factorise, operator, outputs, solve
+from mcsettle.near_critical import lowest_critical_speed, speed_remark
 from mcsettle.track import CASE_STUDY_TRACK, VALIDATION_TRACK, Material
+from mcsettle.traffic import Service
 from mcsettle.waves import rayleigh_speed
 
 MESH = MeshSettings(size=0.3, growth=1.5, largest=1.5, border=Border(elements=7))
@@ -343,6 +347,23 @@ def test_the_critical_speed_is_that_of_the_largest_deflection(response):
     assert found.speed == pytest.approx(response.rayleigh_speed, rel=0.08)
     assert found.deflection.max() > 1.3 * found.deflection[0]
     assert critical_speed(response) is found  # asked again: kept
+
+
+def test_trains_from_four_fifths_of_the_critical_speed_are_remarked_on(response, monkeypatch):
+    train, critical = (
+        toy.study().timetable("v201").services[0].train,
+        critical_speed(response).speed,
+    )
+    assert speed_remark(Service(train, 0.79 * critical, 1), response, False) is None
+    said = speed_remark(Service(train, 0.81 * critical, 1), response, True)
+    assert said.endswith(
+        "81% of the critical speed of track and ground on the ground it softens "
+        f"({critical * 3.6:.0f} km/h)"
+    )
+    # Far below it is not sought.
+    monkeypatch.setattr(near_critical, "critical_speed_of", None)
+    slow = 0.79 * lowest_critical_speed(response)
+    assert speed_remark(Service(train, slow, 1), response, False) is None
 
 
 def test_deflections_are_those_of_moving_loads(response):

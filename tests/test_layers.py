@@ -94,6 +94,7 @@ LAYERS = (
         "draws",
         "observed",
         "study_grounds",
+        "near_critical",
         "step_a",
         "ahead",
         "scene",

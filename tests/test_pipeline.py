@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 import toy
 
-from mcsettle import pipeline, step_b, store
+from mcsettle import near_critical, pipeline, step_b, store
 from mcsettle.engine import Engine
 from mcsettle.errors import InputError
 from mcsettle.pipeline import build_case, initial_profiles, run_study, sample_days
@@ -289,6 +289,17 @@ def test_more_of_the_same_trains_is_the_identity_of_traffic(tmp_path):
     study = toy.study(**data)
     run_study(study, tmp_path)
     np.testing.assert_allclose(table(tmp_path, "effects")["elasticity"], -72 / 73, atol=1e-4)
+
+
+def test_trains_near_the_critical_speed_are_remarked_on(study, finished, tmp_path, monkeypatch):
+    fast = max(s.speed for name in study.scenario_names for s in study.timetable(name).services)
+    assert not any("critical" in remark for remark in finished.remarks)
+    monkeypatch.setattr(near_critical, "critical_speed_of", lambda response: fast / 0.81)
+    monkeypatch.setattr(near_critical, "lowest_critical_speed", lambda response: 0.0)
+    told = run_study(study.with_run(realisations=1), tmp_path).remarks
+    assert [remark for remark in told if "critical" in remark] == [
+        "passenger, 225 km/h: 81% of the critical speed of track and ground (278 km/h)"
+    ]
 
 
 def test_failed_rows_are_told_and_kept(study, tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 import toy
 from typer.testing import CliRunner
 
-from mcsettle import track_pictures, track_report
+from mcsettle import near_critical, track_pictures
 from mcsettle.cli.app import app
 from mcsettle.cli.views import table4_lines, track_lines
 from mcsettle.study import Study, resolved_toml
@@ -66,7 +66,8 @@ def test_trains_near_the_critical_speed_are_told(
 ) -> None:
     assert speed_warnings(case) == []
     fast = case.runs[1].service.speed
-    monkeypatch.setattr(track_report, "_critical", lambda response: fast / 0.81)
+    monkeypatch.setattr(near_critical, "critical_speed_of", lambda response: fast / 0.81)
+    monkeypatch.setattr(near_critical, "lowest_critical_speed", lambda response: 0.0)
     (remark,) = speed_warnings(case)
     assert "225 km/h: 81% of the critical speed of track and ground (278 km/h)" in remark
 

@@ -8,8 +8,8 @@ bending of the rails has taken nearly all of the load.
 Depends on: moving, quadrature.
 """
 
-import functools
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -34,12 +34,20 @@ class CriticalSpeed:
     deflection: np.ndarray
 
 
-@functools.lru_cache(maxsize=8)
+_found: WeakKeyDictionary[SectionResponse, CriticalSpeed] = WeakKeyDictionary()
+
+
 def critical_speed(response: SectionResponse) -> CriticalSpeed:
     """Speed at which the quasi-static deflection per load is largest.
 
-    ``response`` is that of a track and its ground, softened or not. Kept for the last few asked for.
+    ``response`` is that of a track and its ground, softened or not. Kept as long as the response is.
     """
+    if response not in _found:
+        _found[response] = _critical_speed(response)
+    return _found[response]
+
+
+def _critical_speed(response: SectionResponse) -> CriticalSpeed:
     speeds = np.linspace(
         LOWEST * response.lowest_rayleigh_speed, HIGHEST * response.rayleigh_speed, SPEEDS
     )
