@@ -94,6 +94,14 @@ def test_modes_agree_with_plain_solutions(response):
         )
 
 
+def test_the_critical_speed_is_kept_on_disk(response, monkeypatch, tmp_path):
+    monkeypatch.setenv("MCSETTLE_CACHE", str(tmp_path))
+    first = critical_speed(replace(response))
+    monkeypatch.setattr("mcsettle.fem25d.critical.deflections", None)  # not to be called again
+    again = critical_speed(replace(response))
+    assert (again.speed, list(again.deflection)) == (first.speed, list(first.deflection))
+
+
 def test_a_shorter_border_serves_larger_wavenumbers(section):
     """Cut where the field has decayed: fewer unknowns, the same outputs; not so for long waves."""
     for k, omega in ((0.4, 30.0), (1.5, 150.0), (3.0, 100.0)):

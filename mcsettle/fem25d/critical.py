@@ -5,7 +5,7 @@ v nears the smallest phase speed of the coupled waves of track and ground. The r
 ω = kv at speeds beyond their own highest as long as ω ≤ max_omega + k max_speed: past that k the
 bending of the rails has taken nearly all of the load.
 
-Depends on: moving, quadrature.
+Depends on: files, cache, moving, quadrature.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from mcsettle.fem25d.cache import digest_of, read_arrays, write_arrays
 from mcsettle.fem25d.moving import SectionResponse
 from mcsettle.fem25d.quadrature import wavenumber_quadrature
+from mcsettle.files import cache_folder
 
 SPEEDS = 15  # of the scan
 LOWEST, HIGHEST = 0.6, 1.2  # of the scan, over the Rayleigh speed of the softest, the lowest layer
@@ -40,11 +42,23 @@ _found: WeakKeyDictionary[SectionResponse, CriticalSpeed] = WeakKeyDictionary()
 def critical_speed(response: SectionResponse) -> CriticalSpeed:
     """Speed at which the quasi-static deflection per load is largest.
 
-    ``response`` is that of a track and its ground, softened or not. Kept as long as the response is.
+    ``response`` is that of a track and its ground, softened or not. Kept as long as the response is,
+    and on disk.
     """
     if response not in _found:
-        _found[response] = _critical_speed(response)
+        key = digest_of({"critical": response.digest, "scan": [SPEEDS, LOWEST, HIGHEST]})
+        path = cache_folder() / f"critical-{key[:32]}.npz"
+        found = read_arrays(path, "critical speed", _of_arrays)
+        if found is None:
+            found = _critical_speed(response)
+            arrays = {"speed": np.array(found.speed), "speeds": found.speeds}
+            write_arrays(path, arrays | {"deflection": found.deflection})
+        _found[response] = found
     return _found[response]
+
+
+def _of_arrays(arrays: dict[str, np.ndarray]) -> CriticalSpeed:
+    return CriticalSpeed(float(arrays["speed"]), arrays["speeds"], arrays["deflection"])
 
 
 def _critical_speed(response: SectionResponse) -> CriticalSpeed:
