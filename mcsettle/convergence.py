@@ -26,8 +26,8 @@ from mcsettle.fem25d.depth import depth_grid
 from mcsettle.fem25d.moving import rail_coupling
 from mcsettle.fem25d.pml import Border
 from mcsettle.fem25d.quadrature import wavenumber_quadrature
-from mcsettle.fem25d.section import track_section
 from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.fem25d.track_section import track_section
 from mcsettle.files import cache_folder
 from mcsettle.track import CASE_STUDY_TRACK, SectionTrack
 

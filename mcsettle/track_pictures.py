@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from mcsettle.fem25d import SectionResponse
 from mcsettle.fem25d.field import centreline_field
-from mcsettle.fem25d.section import track_grid
+from mcsettle.fem25d.track_section import track_grid
 from mcsettle.figures.passage import passage_figure
 from mcsettle.figures.receptance import receptance_figure
 from mcsettle.figures.section import section_figure, softening_figure

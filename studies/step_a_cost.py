@@ -17,8 +17,8 @@ import numpy as np
 
 from mcsettle.fem25d import Settings, section_response
 from mcsettle.fem25d.reduced import output_error
-from mcsettle.fem25d.section import track_section
 from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.fem25d.track_section import track_section
 from mcsettle.interaction import precompute
 from mcsettle.step_a import study_wavenumbers
 from mcsettle.study import load_study

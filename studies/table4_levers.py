@@ -24,9 +24,9 @@ from mcsettle.fem25d.depth import depth_grid, geostatic_stress
 from mcsettle.fem25d.frame import track_frame
 from mcsettle.fem25d.moving import rail_coupling
 from mcsettle.fem25d.passing import along_train, line_wavenumbers, places
-from mcsettle.fem25d.section import ElementProperties, track_section
 from mcsettle.fem25d.softening import soften
 from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.fem25d.track_section import ElementProperties, track_section
 from mcsettle.soil import SofteningSettings
 from mcsettle.stress import deviatoric_stress
 from mcsettle.study import load_study

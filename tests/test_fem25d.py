@@ -16,8 +16,8 @@ from mcsettle.fem25d.grid import growing_lines, uniform_lines
 from mcsettle.fem25d.pml import Border
 from mcsettle.fem25d.quadrature import jump_shares, smooth_support, wavenumber_quadrature
 from mcsettle.fem25d.reduced import output_error
-from mcsettle.fem25d.section import AXIAL_RATIO, track_section
 from mcsettle.fem25d.solve import factorise, operator, outputs, solve
+from mcsettle.fem25d.track_section import AXIAL_RATIO, track_section
 from mcsettle.near_critical import lowest_critical_speed, speed_remark
 from mcsettle.track import CASE_STUDY_TRACK, VALIDATION_TRACK, Material
 from mcsettle.traffic import Service

@@ -11,8 +11,8 @@ import toy
 from mcsettle.errors import InputError
 from mcsettle.fem25d import MeshSettings
 from mcsettle.fem25d.pml import Border
-from mcsettle.fem25d.section import track_section
 from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.fem25d.track_section import track_section
 from mcsettle.interaction import precompute, transfer_digest
 from mcsettle.irregularity import wavenumbers
 from mcsettle.study import Study, resolved_toml

@@ -13,7 +13,6 @@ from mcsettle.fem25d.frame import LEAST_CONFINEMENT, confinement, track_frame
 from mcsettle.fem25d.outputs import _to_centreline
 from mcsettle.fem25d.passing import along_train, line_wavenumbers, places
 from mcsettle.fem25d.pml import Border
-from mcsettle.fem25d.section import ElementProperties, track_section
 from mcsettle.fem25d.softening import (
     largest_octahedral,
     octahedral_strain,
@@ -21,6 +20,7 @@ from mcsettle.fem25d.softening import (
     strain_spectra,
 )
 from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.fem25d.track_section import ElementProperties, track_section
 from mcsettle.layered import layered_ground
 from mcsettle.soil import SofteningSettings
 from mcsettle.strip import strip_response

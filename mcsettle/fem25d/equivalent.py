@@ -1,6 +1,7 @@
 """Equivalent-linear Step A: the response of the ground that one train at one speed makes for itself.
 
-Depends on: soil, track, traffic, cache, response, section, settings, softening.
+Depends on: soil, track, traffic, cache, response, section, settings, softening,
+track_section.
 """
 
 from dataclasses import asdict, replace
@@ -11,9 +12,10 @@ import numpy as np
 from mcsettle.fem25d.cache import FORMAT, digest_of, read_arrays, write_arrays
 from mcsettle.fem25d.moving import SectionResponse
 from mcsettle.fem25d.response import Progress, section_response
-from mcsettle.fem25d.section import ElementProperties, MeshSettings
+from mcsettle.fem25d.section import MeshSettings
 from mcsettle.fem25d.settings import Settings
 from mcsettle.fem25d.softening import SoftenedGround, SofteningHistory, soften
+from mcsettle.fem25d.track_section import ElementProperties
 from mcsettle.files import cache_folder
 from mcsettle.soil import SofteningSettings
 from mcsettle.track import SectionTrack

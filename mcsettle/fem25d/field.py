@@ -8,7 +8,7 @@ at different depths are too much alike to span a test space of their own. Rail a
 ``moving``; below zero frequency the displacement is the conjugate of that at positive frequency,
 and it is even in k.
 
-Depends on: files, transfer, waves, cache, modal, moving, quadrature, reduced, section,
+Depends on: files, transfer, waves, cache, modal, moving, quadrature, reduced, section, track_section,
 solve.
 """
 
@@ -25,8 +25,9 @@ from mcsettle.fem25d.modal import ModalBand, modal_bands
 from mcsettle.fem25d.moving import SectionResponse, rail_coupling
 from mcsettle.fem25d.quadrature import jump_shares
 from mcsettle.fem25d.reduced import Band, grow_band, training_set
-from mcsettle.fem25d.section import Section, track_section
+from mcsettle.fem25d.section import Section
 from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.fem25d.track_section import track_section
 from mcsettle.files import cache_folder
 from mcsettle.transfer import COMPONENTS, WavenumberSpectra
 from mcsettle.waves import rayleigh_speed

@@ -5,7 +5,7 @@ every further set of properties is one weighted sum. Elements of the absorbing b
 properties of the outermost regular element of their row (at the sides) or of the deepest one of
 their column (below), as the border stands for a ground that goes on unchanged.
 
-Depends on: track, element, grid, pml, section.
+Depends on: track, element, grid, pml, section, track_section.
 """
 
 from dataclasses import dataclass
@@ -17,18 +17,15 @@ import skfem
 from mcsettle.fem25d.element import Pattern, element_operators, strain_operators
 from mcsettle.fem25d.grid import Lines
 from mcsettle.fem25d.pml import Border
-from mcsettle.fem25d.section import (
+from mcsettle.fem25d.section import Grid, MeshSettings, strip_load, within
+from mcsettle.fem25d.track_section import (
     ElementProperties,
-    Grid,
-    MeshSettings,
     rail_foot,
     stiffness_factors,
-    strip_load,
     table_damping,
     track_grid,
     track_lines,
     track_top,
-    within,
 )
 from mcsettle.track import SectionTrack, depth_below_subgrade
 from mcsettle.units import GRAVITY

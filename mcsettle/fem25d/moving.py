@@ -8,7 +8,7 @@ times that. A unit force per wheelset is F = 1/2 on each rail.
 Below zero frequency the hysteretic moduli are conjugate, so response(k, -ω) = conj response(-k, ω);
 σxx, σyy, σzz and the displacement are even in k, τxz is odd.
 
-Depends on: track, transfer, depth, quadrature, reduced, section, settings.
+Depends on: track, transfer, depth, quadrature, reduced, settings, track_section.
 """
 
 from collections.abc import Iterator
@@ -27,8 +27,8 @@ from mcsettle.fem25d.quadrature import (
     wavenumber_quadrature,
 )
 from mcsettle.fem25d.reduced import Band
-from mcsettle.fem25d.section import ElementProperties
 from mcsettle.fem25d.settings import Settings
+from mcsettle.fem25d.track_section import ElementProperties
 from mcsettle.track import SectionTrack
 from mcsettle.transfer import DepthGrid, WavenumberSpectra
 from mcsettle.waves import rayleigh_speed

@@ -1,6 +1,6 @@
 """The door to Step A: reduced bases for a track, from disk or computed, as a ``SectionResponse``.
 
-Depends on: track, cache, moving, reduced, section, settings, solve.
+Depends on: track, cache, moving, reduced, section, settings, solve, track_section.
 """
 
 import multiprocessing
@@ -17,9 +17,10 @@ import numpy as np
 from mcsettle.fem25d.cache import FORMAT, digest_of, read_bands, write_bands
 from mcsettle.fem25d.moving import SectionResponse
 from mcsettle.fem25d.reduced import Band, grow_band, output_error, training_set
-from mcsettle.fem25d.section import ElementProperties, Section, track_section
+from mcsettle.fem25d.section import Section
 from mcsettle.fem25d.settings import Settings
 from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.fem25d.track_section import ElementProperties, track_section
 from mcsettle.files import cache_folder
 from mcsettle.track import SectionTrack
 from mcsettle.waves import rayleigh_speed

@@ -9,7 +9,8 @@ every element of ballast, sub-ballast and ground the octahedral shear strain
 passage; a share of it, 0.65 by default, is the effective strain from which the layer's curve gives
 the next modulus and damping. The damping never falls below the layer's own. Poisson's ratio stays.
 
-Depends on: curves, errors, soil, track, traffic, frame, moving, passing, section, solve.
+Depends on: curves, errors, soil, track, traffic, frame, moving, passing, section, solve,
+track_section.
 """
 
 import functools
@@ -26,8 +27,9 @@ from mcsettle.errors import NumericalError
 from mcsettle.fem25d.frame import Frame, track_frame
 from mcsettle.fem25d.moving import rail_coupling
 from mcsettle.fem25d.passing import along_train, line_wavenumbers, places
-from mcsettle.fem25d.section import ElementProperties, MeshSettings
+from mcsettle.fem25d.section import MeshSettings
 from mcsettle.fem25d.solve import SUPERLU
+from mcsettle.fem25d.track_section import ElementProperties
 from mcsettle.soil import OCTAHEDRAL, SofteningSettings
 from mcsettle.track import SectionTrack
 from mcsettle.traffic import Train

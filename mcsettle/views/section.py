@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcsettle.fem25d.section import MeshSettings, track_lines
+from mcsettle.fem25d.section import MeshSettings
+from mcsettle.fem25d.track_section import track_lines
 from mcsettle.track import Material, SectionTrack, depth_below_subgrade
 
 
