@@ -1,6 +1,6 @@
 """What sharing a run costs: seconds of one process, two parts, two Dask workers; memory by shards.
 
-    python studies/scale.py walls                             two minutes; on a quiet machine
+    python studies/scale.py walls                             some minutes; on a quiet machine
     python studies/scale.py walls --rows 448 --shards 20      shards of 30 s; 20 minutes
     python studies/scale.py memory                            50, 500 and 2000 shards; ten minutes
 
