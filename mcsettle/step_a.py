@@ -10,7 +10,7 @@ track, traffic, transfer_file.
 import hashlib
 import math
 import multiprocessing
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -213,6 +213,23 @@ class Shelf:
                 del table[key]
 
 
+def _passages(
+    study: Study, shelf: Shelf, laws: bool = False
+) -> Iterator[tuple[str, str, Service, Ground]]:
+    """Variant, scenario, service and ground of every passage of a study, in their order.
+
+    Settlement laws belong to Step B: without ``laws`` grounds that differ in them alone are one.
+    """
+    for variant in study.variant_names:
+        track = study.track(variant) if laws else _without_laws(study.track(variant))
+        depth = study.settlement_settings(variant).integration_depth_m
+        for scenario in study.scenario_names:
+            for service in study.timetable(scenario).services:
+                softened = softened_by(study, variant, service)
+                settings = section_settings(study, softened, own=shelf.many_grounds)
+                yield variant, scenario, service, (track, depth, softened, settings)
+
+
 def step_a(
     study: Study,
     progress: Progress | None = None,
@@ -230,33 +247,23 @@ def step_a(
     responses, found = shelf.responses, shelf.found
     if workers > 1:
         _soften_ahead(study, shelf, modes, progress, workers)
-    transfers, used, near = {}, set[Any](), dict[str | None, None]()
-    for variant in study.variant_names:
-        # Settlement laws belong to Step B: parameter sets that differ in them share one response.
-        track = _without_laws(study.track(variant)) if share else study.track(variant)
-        depth = study.settlement_settings(variant).integration_depth_m
-        for scenario in study.scenario_names:
-            group = []
-            for service in study.timetable(scenario).services:
-                softened = softened_by(study, variant, service)
-                settings = section_settings(study, softened, own=shelf.many_grounds)
-                ground = (track, depth, softened, settings)
-                key = (*ground, Service(service.train, service.speed, 1), contact)
-                if key not in found:
-                    if ground not in responses:
-                        responses[ground] = track_response(
-                            track, depth, progress, workers, softened, settings
-                        )
-                    # On soil that softens the axle load decides the ground: nothing is in proportion.
-                    own = shelf.axle_loads if softened is None else {}
-                    found[key] = _transfer(
-                        responses[ground], service, modes, contact, progress, own
-                    )
-                group.append(found[key])
-                used |= {key, ground}
-                if check_speeds and ground in responses:
-                    near[speed_remark(service, responses[ground], softened is not None)] = None
-            transfers[variant, scenario] = tuple(group)
+    transfers: dict[tuple[str, str], tuple[TransferFunctions, ...]] = {}
+    used, near = set[Any](), dict[str | None, None]()
+    for variant, scenario, service, ground in _passages(study, shelf, laws=not share):
+        track, depth, softened, settings = ground
+        key = (*ground, Service(service.train, service.speed, 1), contact)
+        if key not in found:
+            if ground not in responses:
+                responses[ground] = track_response(
+                    track, depth, progress, workers, softened, settings
+                )
+            # On soil that softens the axle load decides the ground: nothing is in proportion.
+            own = shelf.axle_loads if softened is None else {}
+            found[key] = _transfer(responses[ground], service, modes, contact, progress, own)
+        transfers[variant, scenario] = (*transfers.get((variant, scenario), ()), found[key])
+        used |= {key, ground}
+        if check_speeds and ground in responses:
+            near[speed_remark(service, responses[ground], softened is not None)] = None
     shelf.trim(used)
     return StepA(transfers, tuple(remark for remark in near if remark is not None))
 
@@ -268,18 +275,11 @@ def needs(study: Study, shelf: Shelf) -> set[Any]:
     """
     contact = study.track_table.hertz_stiffness_n_per_m
     found = set()
-    for variant in study.variant_names:
-        track = _without_laws(study.track(variant))
-        depth = study.settlement_settings(variant).integration_depth_m
-        for scenario in study.scenario_names:
-            for service in study.timetable(scenario).services:
-                softened = softened_by(study, variant, service)
-                train = service.train
-                if softened is None:
-                    train = _as_in(train, shelf.axle_loads) or train
-                settings = section_settings(study, softened, own=shelf.many_grounds)
-                passing = Service(train, service.speed, 1)
-                found.add((track, depth, softened, settings, passing, contact))
+    for _, _, service, ground in _passages(study, shelf):
+        softened, train = ground[2], service.train
+        if softened is None:
+            train = _as_in(train, shelf.axle_loads) or train
+        found.add((*ground, Service(train, service.speed, 1), contact))
     return found
 
 
@@ -287,18 +287,12 @@ def _soften_ahead(
     study: Study, shelf: Shelf, modes: np.ndarray, progress: Progress | None, workers: int
 ) -> None:
     """Compute the softened grounds of a study side by side, and leave them in the cache folder."""
-    jobs: dict[tuple[Track, float, Softened, Settings | None], None] = {}
-    for variant in study.variant_names:
-        track = _without_laws(study.track(variant))
-        depth = study.settlement_settings(variant).integration_depth_m
-        for scenario in study.scenario_names:
-            for service in study.timetable(scenario).services:
-                softened = softened_by(study, variant, service)
-                if softened is None:
-                    continue
-                job = (track, depth, softened, section_settings(study, softened))
-                if job not in shelf.responses:
-                    jobs[job] = None
+    grounds = (ground for *_, ground in _passages(study, shelf))
+    jobs = dict.fromkeys(
+        (track, depth, softened, settings)
+        for track, depth, softened, settings in grounds
+        if softened is not None and (track, depth, softened, settings) not in shelf.responses
+    )
     if len(jobs) < 2:
         return
     from mcsettle.fem25d.response import worker_environment

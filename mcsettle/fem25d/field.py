@@ -21,9 +21,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from mcsettle.fem25d.cache import digest_of, read_bands, write_bands
-from mcsettle.fem25d.modal import ModalBand, modal_bands
-from mcsettle.fem25d.moving import SectionResponse, rail_coupling
-from mcsettle.fem25d.quadrature import jump_shares
+from mcsettle.fem25d.modal import ModalBand
+from mcsettle.fem25d.moving import SectionResponse
 from mcsettle.fem25d.reduced import Band, grow_band, training_set
 from mcsettle.fem25d.section import Section
 from mcsettle.fem25d.solve import outputs, solve
@@ -68,45 +67,16 @@ class CentrelineField:
 
     @cached_property
     def _modal(self) -> list[ModalBand]:
-        return modal_bands(self.bands, self.response.quadrature.nodes, self.response.settings)
+        return self.response.modal(self.bands)
 
     def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[FieldSpectra]:
         """Spectra at ``speed`` [m/s] for each driving frequency Ω ≥ 0 of ``omegas`` [rad/s]."""
-        q = self.response.quadrature
-        k = np.concatenate([-q.nodes[::-1], q.nodes])
-        weights = np.concatenate([q.weights[::-1], q.weights])
-        for omega in np.atleast_1d(omegas).tolist():
-            ahead, behind = omega + q.nodes * speed, omega - q.nodes * speed
-            both = np.stack([ahead, behind])
-            ground = np.concatenate([m.outputs(both[:, m.nodes]) for m in self._modal], axis=1)
-            positive = self._loaded(ground[0], ahead, 1.0)
-            negative = self._loaded(ground[1], behind, np.where(behind >= 0.0, 1.0, -1.0))
-            jump = jump_shares(q, omega / speed) if omega > 0.0 else None
-            if jump is not None:  # damping changes sign inside this panel
-                at, share = jump
-                plus, minus = (
-                    self._loaded(ground[1][at], behind[at], sign, at) for sign in (1.0, -1.0)
-                )
-                negative[at] = share[:, None] * plus + (1.0 - share)[:, None] * minus
-            values = np.concatenate([negative[::-1], positive])
-            none = np.zeros((k.size, len(COMPONENTS), 0))
-            yield FieldSpectra(WavenumberSpectra(k, weights, values[:, 0], none), values[:, 1:])
-
-    def _loaded(
-        self,
-        ground: np.ndarray,
-        omega: np.ndarray,
-        sign: np.ndarray | float,
-        at: slice = slice(None),
-    ) -> np.ndarray:
-        """Rail and ground [N, 1 + D] from the outputs per pad force, first that under the foot."""
-        k = self.response.quadrature.nodes[at]
-        sign = np.broadcast_to(np.asarray(sign, dtype=float), k.shape)
-        values = np.where(sign[:, None] > 0.0, ground, ground.conj())
-        rail, force = rail_coupling(self.response.track, k, omega, values[:, 0], sign)
-        values = values * force[:, None]
-        values[:, 0] = rail
-        return np.asarray(values)
+        k, weights = self.response.quadrature.both_signs()
+        none = np.zeros((k.size, len(COMPONENTS), 0))
+        for omega in np.atleast_1d(omegas):  # one by one: there are many heights
+            lines = self.response.along_lines(self._modal, 0, speed, np.array([omega]))
+            for values in lines:
+                yield FieldSpectra(WavenumberSpectra(k, weights, values[:, 0], none), values[:, 1:])
 
 
 def centreline_field(

@@ -120,7 +120,7 @@ class SectionResponse:
 
     @cached_property
     def _modal(self) -> list[ModalBand]:
-        return modal_bands(self.bands, self._support.nodes, self.settings)
+        return self.modal(self.bands)
 
     def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
         """Spectra at ``speed`` [m/s] for each driving frequency Ω of ``omegas`` [rad/s], in order.
@@ -144,28 +144,45 @@ class SectionResponse:
 
     def _chunk(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
         """Spectra for a few driving frequencies at once."""
+        k, weights = self.quadrature.both_signs()
+        for both in self.along_lines(self._modal, self.grid.z.size, speed, omegas):
+            stress = both[:, 1:].reshape(k.size, 4, -1)
+            yield WavenumberSpectra(k, weights, np.ascontiguousarray(both[:, 0]), stress)
+
+    def modal(self, bands: tuple[Band, ...]) -> list[ModalBand]:
+        """``bands`` diagonalised where the response of the ground has to be known."""
+        return modal_bands(bands, self._support.nodes, self.settings)
+
+    def along_lines(
+        self, modal: list[ModalBand], odd: int, speed: float, omegas: np.ndarray
+    ) -> Iterator[np.ndarray]:
+        """Rail and ground per unit force per wheelset on ω = Ω + k v, [2 N, 1 + D] for each Ω.
+
+        ``modal`` give the mean displacement of the rail foot and D further outputs per unit pad
+        force; the last ``odd`` of them are odd in k, the others even.
+        """
         q = self.quadrature
         ahead = omegas[:, None] + q.nodes * speed
         behind = omegas[:, None] - q.nodes * speed
-        ground = self._ground(
-            np.concatenate([omegas, omegas]), np.repeat([speed, -speed], omegas.size)
-        )
-        k = np.concatenate([-q.nodes[::-1], q.nodes])
-        weights = np.concatenate([q.weights[::-1], q.weights])
+        # The ground is known where the damping lets it vary, and interpolated between.
+        known = np.concatenate([omegas[:, None] + v * self._support.nodes for v in (speed, -speed)])
+        parts = [band.outputs(known[:, band.nodes]) for band in modal]
+        ground = self._support.spread(np.concatenate(parts, axis=1))
         for i, omega in enumerate(omegas):
-            positive = self._loaded(ground[i], ahead[i], 1.0)
+            positive = self._coupled(ground[i], odd, q.nodes, ahead[i], 1.0)
             reverse = ground[omegas.size + i]
-            negative = self._loaded(reverse, behind[i], np.where(behind[i] >= 0.0, 1.0, -1.0))
+            sign = np.where(behind[i] >= 0.0, 1.0, -1.0)
+            negative = self._coupled(reverse, odd, q.nodes, behind[i], sign)
             jump = jump_shares(q, omega / speed) if omega > 0.0 else None
-            if jump is not None:
+            if jump is not None:  # damping changes sign inside this panel
                 at, share = jump
-                plus = self._loaded(reverse[at], behind[i][at], 1.0, at)
-                minus = self._loaded(reverse[at], behind[i][at], -1.0, at)
+                plus, minus = (
+                    self._coupled(reverse[at], odd, q.nodes[at], behind[i][at], sign)
+                    for sign in (1.0, -1.0)
+                )
                 negative[at] = share[:, None] * plus + (1.0 - share)[:, None] * minus
-            negative[:, -self.grid.z.size :] *= -1.0  # τxz is odd in k
-            both = np.concatenate([negative[::-1], positive])
-            stress = both[:, 1:].reshape(k.size, 4, -1)
-            yield WavenumberSpectra(k, weights, np.ascontiguousarray(both[:, 0]), stress)
+            negative[:, negative.shape[1] - odd :] *= -1.0
+            yield np.concatenate([negative[::-1], positive])
 
     def at(self, wavenumber: float, omegas: np.ndarray) -> np.ndarray:
         """Rail receptance and stresses [W, 1 + 4 Z] at one k ≥ 0 and several ω ≥ 0.
@@ -175,38 +192,25 @@ class SectionResponse:
         uppers = np.array([band.upper for band in self.bands])
         band = self.bands[min(int(np.searchsorted(uppers, wavenumber)), uppers.size - 1)]
         values = band.outputs(wavenumber, omegas)
-        return self._coupled(values, np.full(omegas.size, wavenumber), omegas, 1.0)
-
-    def _ground(self, omegas: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-        """Section outputs per unit pad force on the lines ω = Ω + k v [W], [W, N, 1 + 4 Z].
-
-        The ground is known where the damping lets it vary, and interpolated between.
-        """
-        at = omegas[:, None] + speeds[:, None] * self._support.nodes
-        parts = [band.outputs(at[:, band.nodes]) for band in self._modal]
-        return self._support.spread(np.concatenate(parts, axis=1))
-
-    def _loaded(
-        self,
-        ground: np.ndarray,
-        omega: np.ndarray,
-        sign: np.ndarray | float,
-        at: slice = slice(None),
-    ) -> np.ndarray:
-        return self._coupled(ground, self.quadrature.nodes[at], omega, sign)
+        k = np.full(omegas.size, wavenumber)
+        return self._coupled(values, self.grid.z.size, k, omegas, 1.0)
 
     def _coupled(
-        self, ground: np.ndarray, k: np.ndarray, omega: np.ndarray, sign: np.ndarray | float
+        self,
+        ground: np.ndarray,
+        odd: int,
+        k: np.ndarray,
+        omega: np.ndarray,
+        sign: np.ndarray | float,
     ) -> np.ndarray:
-        """Rail receptance and stresses under a unit force per wheelset, [N, 1 + 4 Z].
+        """Rail receptance and outputs under a unit force per wheelset, [N, 1 + D].
 
-        ``ground`` holds the outputs with the moduli of positive frequency; ``sign`` is the sign of
-        the frequency whose moduli are meant.
+        ``ground`` holds the outputs with the moduli of positive frequency, the last ``odd`` of them
+        odd in k; ``sign`` is the sign of the frequency whose moduli are meant.
         """
-        z = ground.shape[1] // 4
         sign = np.broadcast_to(np.asarray(sign, dtype=float), k.shape)
         values = np.where(sign[:, None] > 0.0, ground, ground.conj())
-        values[:, -z:] *= sign[:, None]
+        values[:, values.shape[1] - odd :] *= sign[:, None]
         receptance, force = rail_coupling(self.track, k, omega, values[:, 0], sign)
         values = values * force[:, None]
         values[:, 0] = receptance

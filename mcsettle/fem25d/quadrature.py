@@ -30,6 +30,13 @@ class Quadrature:
     weights: np.ndarray
     points: int
 
+    def both_signs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes and weights [2 P n] rad/m over [-k_max, k_max]."""
+        return (
+            np.concatenate([-self.nodes[::-1], self.nodes]),
+            np.concatenate([self.weights[::-1], self.weights]),
+        )
+
 
 def wavenumber_quadrature(k_max: float, panel: float, points: int) -> Quadrature:
     """Panels graded towards k = 0, no longer than ``panel`` below 3 rad/m [rad/m].
