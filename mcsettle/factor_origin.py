@@ -43,7 +43,7 @@ def transfer_identity(study: Study, variant: str, scenario: str) -> str:
             section_settings(study, softened_by(study, variant, service)) or Settings()
             for service in study.timetable(scenario).services
         ]
-        description["settings"] = [asdict(settings) for settings in by_service]
+        description["settings"] = [settings.description for settings in by_service]
         description["format"] = FORMAT
     text = json.dumps(description, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]

@@ -161,7 +161,7 @@ def section_settings(
     (``own``) one of many. A smaller range takes fewer solutions. Beyond the default range shear waves
     near the mesh's resolution make the bases a little less accurate.
     """
-    from mcsettle.fem25d.settings import Settings
+    from mcsettle.fem25d.settings import Settings, many_grounds_settings
 
     if softened is None:
         timetables = [study.timetable(scenario) for scenario in study.scenario_names]
@@ -172,9 +172,10 @@ def section_settings(
     usual_will_do = speed <= usual.max_speed and omega <= usual.max_omega
     if usual_will_do and softened is None and not own:
         return None
-    return Settings(
-        max_speed=25.0 * math.ceil(speed / 25.0), max_omega=20.0 * math.ceil(omega / 20.0)
-    )
+    max_speed, max_omega = 25.0 * math.ceil(speed / 25.0), 20.0 * math.ceil(omega / 20.0)
+    if own:
+        return many_grounds_settings(max_speed, max_omega)
+    return Settings(max_speed=max_speed, max_omega=max_omega, held_out=1 if softened else 3)
 
 
 Ground = tuple[Track, float, Softened | None, "Settings | None"]  # and the integration depth [m]

@@ -23,7 +23,7 @@ from mcsettle.study import Study
 
 Data = dict[str, Any]
 PUBLISHED = {"C": 6.9, "D": 13.0}
-LINEAR_FACTOR = 37.3901  # of the variant "linear" of studies/linespeed.toml
+LINEAR_FACTOR = 37.3816  # of the variant "linear" of studies/linespeed.toml
 
 
 def settlement(**keys: Any) -> Callable[[Data], None]:
@@ -61,7 +61,7 @@ def levers(long_window: bool) -> Iterator[tuple[str, Callable[[Data], None]]]:
     yield "N counted by vehicle type (shared)", PER_VEHICLE
     yield (
         "total stress, own factor (traffic)",
-        settlement(stress="total", settlement_factor=15.9539),
+        settlement(stress="total", settlement_factor=15.9523),
     )
     for spectrum in ("fra_one_corner", "german_low"):
         yield f"spectrum {spectrum} (fra)", profile(spectrum=spectrum)

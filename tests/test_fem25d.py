@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg
 import toy
 
 from mcsettle import near_critical
@@ -258,6 +259,19 @@ def test_integration_depth_does_not_change_the_track(section):
     np.testing.assert_allclose(rows[0], rows[1], atol=0.01 * np.abs(rows[1]).max())
 
 
+def test_no_band_has_a_false_resonance(response):
+    # Hardly damped ones between the training points would pass most checks at random points. The
+    # soil's own have twice its damping ratio, those of the border somewhat less.
+    least = 2.0 * min(layer.material.damping for layer in CASE_STUDY_TRACK.layers)
+    for band in response.bands[1:]:
+        for k in np.linspace(max(band.lower, 0.1), band.upper, 9)[1:]:
+            stiffness = band.stiffness[0] + k * band.stiffness[1] + k**2 * band.stiffness[2]
+            squares = scipy.linalg.eigvals(stiffness, band.mass)
+            highest = response.settings.max_omega + k * response.settings.max_speed
+            near = squares[(squares.real > 0.0) & (squares.real < highest**2)]
+            assert np.all(near.imag > 0.5 * least * near.real)
+
+
 @pytest.mark.slow
 def test_processes_do_not_change_the_result(response, tmp_path):
     parallel = section_response(CASE_STUDY_TRACK, settings=COARSE, cache=tmp_path, workers=2)
@@ -269,8 +283,8 @@ def test_processes_do_not_change_the_result(response, tmp_path):
 @pytest.mark.parametrize("track", [CASE_STUDY_TRACK, VALIDATION_TRACK])
 def test_full_settings_meet_their_tolerance(track, tmp_path):
     full = section_response(track, cache=tmp_path)
-    assert full.error_estimate < 3e-3
-    assert np.median(full.errors) < 1e-4
+    assert full.error_estimate < full.settings.tolerance
+    assert np.median(full.errors) < 3e-4
     assert full.solves < 400
 
 

@@ -3,10 +3,9 @@
 The bases of Step A know the rail and the stresses. Here bases of the same section are grown with the
 vertical displacement at every node of the plane of symmetry among their outputs, so that the field
 is at hand at all (k, ω = Ω + kv) of a passing train: the quasi-static line Ω = 0 and every driving
-frequency of the profile. The stresses stay among the outputs while the bases grow: displacements
-at different depths are too much alike to span a test space of their own. Rail and pad join as in
-``moving``; below zero frequency the displacement is the conjugate of that at positive frequency,
-and it is even in k.
+frequency of the profile. The stresses stay among the outputs while the bases grow.
+Rail and pad join as in ``moving``; below zero frequency the displacement is the conjugate of that at
+positive frequency, and it is even in k.
 
 Depends on: files, transfer, waves, cache, modal, moving, quadrature, reduced, section, track_section,
 solve.

@@ -26,7 +26,6 @@ from mcsettle.track import SectionTrack
 from mcsettle.waves import rayleigh_speed
 
 Progress = Callable[[int, int, str], None]
-HELD_OUT = 3  # random check points a band; a softened ground, one of several alike, has one
 HELD_OUT_SEED = 8_230_451
 # What a spawned process reads when it starts: one BLAS thread; and freed memory stays with it, as every
 # factorisation takes tens of megabytes whose pages the system would clear again each time (glibc).
@@ -115,7 +114,7 @@ class _Model:
             "format": FORMAT,
             "track": asdict(replace(self.track, layers=layers)),
             "integration_depth": self.integration_depth,
-            "settings": asdict(self.settings),
+            "settings": self.settings.description,
         }
         if self.properties is not None:
             found["properties"] = self.properties.digest
@@ -202,8 +201,7 @@ def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray
     band = grow_band(section, lower, upper, training, settings.tolerance, settings.max_solves)
     rng = np.random.Generator(np.random.Philox(key=[HELD_OUT_SEED, index]))
     errors = []
-    count = HELD_OUT if model.properties is None else 1
-    for i, (at, share) in enumerate(rng.random((count, 2)), start=index):
+    for i, (at, share) in enumerate(rng.random((settings.held_out, 2)), start=index):
         # Anywhere; on the line of a constant moving load; among the slow waves.
         k = lower + (upper - lower) * at
         highest = settings.max_omega + k * settings.max_speed

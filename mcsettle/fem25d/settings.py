@@ -3,9 +3,12 @@
 Depends on: section.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from mcsettle.fem25d.section import MeshSettings
+
+WIDE_BANDS = (0.015, 0.05, 0.15, 0.4, 1.0, 2.0, 4.5, 12.0)  # rad/m
 
 
 @dataclass(frozen=True)
@@ -17,7 +20,7 @@ class Settings:
     of ``bands`` [rad/m]. ``tolerance`` ends the growth of a basis: error at its worst points, and the
     largest change of an output by the last growth; the error elsewhere is mostly below a tenth of it.
     ``panel`` [rad/m] is the longest quadrature panel for k < 3 rad/m, fit for distances up to about
-    12/(panel/2) m.
+    12/(panel/2) m. ``held_out`` points a band check the basis and change nothing.
     """
 
     mesh: MeshSettings = MeshSettings()
@@ -28,6 +31,7 @@ class Settings:
     max_solves: int = 60
     panel: float = 0.045
     panel_points: int = 12
+    held_out: int = 3
 
     def __post_init__(self) -> None:
         if list(self.bands) != sorted(set(self.bands)) or not self.bands or self.bands[0] <= 0.0:
@@ -41,3 +45,23 @@ class Settings:
                 f"panel_points is {self.panel_points} and max_solves {self.max_solves}; "
                 "at least 2 and 3 are needed"
             )
+        if self.held_out < 1:
+            raise ValueError(f"held_out is {self.held_out}; at least 1 is needed")
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """All that a response depends on: everything but the points that check it."""
+        found = asdict(self)
+        del found["held_out"]
+        return found
+
+
+def many_grounds_settings(max_speed: float, max_omega: float) -> Settings:
+    """Settings for one ground of many, each of them alike and none looked at alone.
+
+    Eight wider bands and twice the usual tolerance: a third fewer solutions. What that does to stresses
+    and to the growth of SD, ``studies/many_grounds.py`` measures (docs/verification.md).
+    """
+    return Settings(
+        max_speed=max_speed, max_omega=max_omega, bands=WIDE_BANDS, tolerance=2e-2, held_out=1
+    )

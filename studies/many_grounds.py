@@ -1,0 +1,106 @@
+"""What the settings for one ground of many cost in accuracy, and what they save.
+
+    python studies/many_grounds.py studies/linespeed_ground.toml --sets 8
+
+For evenly spaced parameter sets of the study: transfer functions of its first scenario by the settings
+that a study with many grounds has, and by narrow bands grown to a tolerance of 1e-3 (the reference).
+Printed: direct solutions, CPU seconds of the bases, relative errors of the stresses (quasi-static and
+dynamic, in the Euclidean norm over axles, wavenumbers and depths) and of the rate at which SD grows,
+the last as the worst of 64 tracks and as that of their mean.
+"""
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from mcsettle.draws import all_sets
+from mcsettle.fem25d import Settings, section_response
+from mcsettle.interaction import precompute
+from mcsettle.passage import mode_numbers
+from mcsettle.scene import initial_profiles
+from mcsettle.settlement import SettlementModel, cycle_rate
+from mcsettle.spectral import growth, mode_pairs, train_form
+from mcsettle.step_a import section_settings, study_wavenumbers
+from mcsettle.study import Study, load_study
+from mcsettle.track import SectionTrack
+from mcsettle.transfer import TransferFunctions
+
+TRACKS = range(64)
+REFERENCE = 1e-3  # tolerance of the bases
+
+
+def main() -> None:
+    """One line a parameter set, then the worst."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("study", nargs="?", default="studies/linespeed_ground.toml")
+    parser.add_argument("--sets", type=int, default=8)
+    arguments = parser.parse_args()
+    sound = [m for m in all_sets(load_study(arguments.study)) if not m.failure]
+    at = np.linspace(0, len(sound) - 1, min(arguments.sets, len(sound))).astype(int)
+    print("set   solutions    CPU s of bases   quasi-static  dynamic   rate, worst  mean")
+    rows = []
+    for member in (sound[i] for i in at):
+        found = _compared(member.study)
+        rows.append(found[4:])
+        print(
+            f"{member.index:<5d} {found[0]:3d} of {found[1]:3d}  {found[2]:5.1f} of {found[3]:5.1f}"
+            "    " + "   ".join(f"{error:.1e}" for error in found[4:]),
+            flush=True,
+        )
+    worst = np.max(rows, axis=0)
+    print("worst" + " " * 35 + "   ".join(f"{error:.1e}" for error in worst))
+
+
+def _compared(study: Study) -> tuple[int, int, float, float, float, float, float, float]:
+    variant, scenario = study.variant_names[0], study.scenario_names[0]
+    track = study.track(variant)
+    assert isinstance(track, SectionTrack)
+    depth = study.settlement_settings(variant).integration_depth_m
+    service = study.timetable(scenario).services[0]
+    own = section_settings(study, own=True)
+    assert own is not None
+    narrow = replace(own, bands=Settings().bands, tolerance=REFERENCE, max_solves=90)
+    transfers, solves, spent = [], [], []
+    for settings in (own, narrow):
+        start = time.process_time()
+        response = section_response(track, depth, settings, use_cache=False)
+        spent.append(time.process_time() - start)
+        solves.append(response.solves)
+        modes = study_wavenumbers(study)
+        transfers.append(precompute(service.train, service.speed, response, modes))
+    model = study.settlement_settings(variant).model(track)
+    rates = [_rates(study, transfer, model) for transfer in transfers]
+    first, second = transfers
+    return (
+        solves[0],
+        solves[1],
+        spent[0],
+        spent[1],
+        _difference(first.quasi_static, second.quasi_static),
+        _difference(first.dynamic, second.dynamic),
+        float(np.max(np.abs(rates[0] / rates[1] - 1.0))),
+        float(np.abs(rates[0].mean() / rates[1].mean() - 1.0)),
+    )
+
+
+def _difference(found: np.ndarray, exact: np.ndarray) -> float:
+    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+
+
+def _rates(study: Study, transfer: TransferFunctions, model: SettlementModel) -> np.ndarray:
+    """Growth of each track's variance [R] under the first train, relative to the variance."""
+    profiles = initial_profiles(study, TRACKS)
+    pairs = mode_pairs(mode_numbers(transfer.wavenumbers, study.profile.window_m))
+    form = train_form(transfer, model, pairs)
+    cycles = [cycle_rate(law, model.cycles_before(law)) for law in model.group_laws]
+    weights = np.tile(np.array(cycles, dtype=float), (len(profiles), 1))
+    change, _ = growth(form, profiles, weights, pairs)
+    return np.asarray(
+        np.sum((profiles.conj() * change).real, axis=1) / np.sum(np.abs(profiles) ** 2, axis=1)
+    )
+
+
+if __name__ == "__main__":
+    main()
