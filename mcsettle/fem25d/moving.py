@@ -113,6 +113,10 @@ class SectionResponse:
         return wavenumber_quadrature(s.bands[-1], s.panel, s.panel_points)
 
     @cached_property
+    def _lines(self) -> tuple[np.ndarray, np.ndarray]:  # one object, by which others keep phases
+        return self.quadrature.both_signs()
+
+    @cached_property
     def _support(self) -> Support:
         factor = 0.5 if self.track.damping_convention == "loss_factor" else 1.0
         least = min(layer.material.damping for layer in self.track.layers)
@@ -144,7 +148,7 @@ class SectionResponse:
 
     def _chunk(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
         """Spectra for a few driving frequencies at once."""
-        k, weights = self.quadrature.both_signs()
+        k, weights = self._lines
         for both in self.along_lines(self._modal, self.grid.z.size, speed, omegas):
             stress = both[:, 1:].reshape(k.size, 4, -1)
             yield WavenumberSpectra(k, weights, np.ascontiguousarray(both[:, 0]), stress)
