@@ -117,9 +117,9 @@ def track_response(
 ) -> TrackResponse:
     """Step A's track model for ``track``, stresses down to ``integration_depth`` [m] below z = 0.
 
-    With ``softened`` the ground takes the moduli that fit the strains of that train at that speed
-    (equivalent-linear soil). ``workers`` > 1 spawns processes, so the calling program needs a main
-    guard.
+    The bases of a section are read, or computed, when they are first asked for. With ``softened`` the
+    ground takes the moduli that fit the strains of that train at that speed (equivalent-linear soil).
+    ``workers`` > 1 spawns processes, so the calling program needs a main guard.
 
     Raises
     ------
@@ -141,6 +141,7 @@ def track_response(
             cache=cache_folder(),
             progress=_reversed(progress),
             workers=workers,
+            deferred=True,
         )[0]
     return section_response(
         track,
@@ -149,6 +150,7 @@ def track_response(
         cache=cache_folder(),
         progress=_reversed(progress),
         workers=workers,
+        deferred=True,
     )
 
 

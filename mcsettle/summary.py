@@ -27,7 +27,7 @@ from mcsettle.place import Folder, Place, Where, place
 from mcsettle.resampling import SetWeights, Weights, plain_weights
 from mcsettle.study import Study, study_from_text
 from mcsettle.study_schema import ReferenceTable
-from mcsettle.summary_spread import effect_spread, interval_spread, matrix
+from mcsettle.summary_spread import effect_spread, interval_spread, matrix, sets_of
 from mcsettle.units import DAYS_PER_YEAR
 
 STUDY_FILE = "study.toml"
@@ -252,17 +252,20 @@ def _growth_row(
 ) -> SummaryRow:
     early = column == GROWTH and results.study.limit.horizon_days < DAYS_PER_YEAR
     note = "the horizon comes before day 365" if early else "the limit comes first"
-    row = SummaryRow(*key, "mm", _growth(table, column, note, None))
+    sets = sets_of(results.realisations)
+    row = SummaryRow(*key, "mm", _growth(table, sets, column, note, None))
     if weights is not None:
-        row = replace(row, conditioned=_renamed(_growth(table, column, note, weights)))
+        row = replace(row, conditioned=_renamed(_growth(table, sets, column, note, weights)))
     return _with_reference(results, row, table.assign(values=table[column]), weights)
 
 
-def _growth(table: pd.DataFrame, column: str, note: str, weights: Weights) -> tuple[Statistic, ...]:
+def _growth(
+    table: pd.DataFrame, sets: np.ndarray, column: str, note: str, weights: Weights
+) -> tuple[Statistic, ...]:
     """Quantiles of SD growth; where the limit came first, growth is censored at the limit."""
     table = table.assign(end=table["to_limit"].where(table[column].isna(), np.nan))
-    if table["parameter_set"].nunique() > 1:
-        of_sets = matrix(table, column), matrix(table, "end")
+    if len(sets) > 1:
+        of_sets = matrix(table, column, sets), matrix(table, "end", sets)
         found = crossed_bounded(*of_sets, "mm", set_weights=weights)
     else:
         found = _intervals(table, column, "end", None)
@@ -307,28 +310,29 @@ def _effect_rows(
     if table.empty:
         return
     own = results.realisations[results.realisations["variant"] == variant]
+    sets = sets_of(results.realisations)
     spreads = effect_spread(results.study, results.members, scenario, own, table)
     given: dict[str, list[Statistic]] = {}
     if weights is not None:
         given = effect_spread(results.study, results.members, scenario, own, table, weights)
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
     for metric, unit in units.items():
-        row = SummaryRow(variant, scenario, metric, unit, _effects(table, metric, unit, None))
+        row = SummaryRow(variant, scenario, metric, unit, _effects(table, sets, metric, unit, None))
         row = replace(row, spread=tuple(spreads.get(metric, ())))
         if weights is not None:
-            found = [*_effects(table, metric, unit, weights), *given.get(metric, ())]
+            found = [*_effects(table, sets, metric, unit, weights), *given.get(metric, ())]
             row = replace(row, conditioned=_renamed(found))
         yield _with_reference(results, row, table.assign(values=table[metric]), weights)
 
 
 def _effects(
-    table: pd.DataFrame, metric: str, unit: str, weights: Weights
+    table: pd.DataFrame, sets: np.ndarray, metric: str, unit: str, weights: Weights
 ) -> tuple[Statistic, ...]:
     """Statistics of a paired effect, crossed if there are several parameter sets."""
-    if table["parameter_set"].nunique() == 1:
+    if len(sets) == 1:
         return tuple(summarise_effects(table[metric].to_numpy(dtype=float, na_value=np.nan), unit))
-    failed = np.isnan(matrix(table.assign(known=1.0), "known"))
-    return tuple(crossed_effects(matrix(table, metric), failed, unit, set_weights=weights))
+    failed = np.isnan(matrix(table.assign(known=1.0), "known", sets))
+    return tuple(crossed_effects(matrix(table, metric, sets), failed, unit, set_weights=weights))
 
 
 def _with_reference(
@@ -358,10 +362,9 @@ def _with_reference(
     )
     if weights is None:
         return row
-    _, place = np.unique(table["parameter_set"].to_numpy(), return_inverse=True)
     of_sets = plain_weights(weights)
     assert of_sets is not None
-    own = of_sets[place][known]
+    own = of_sets[table["parameter_set"].to_numpy(dtype=int)][known]
     if not np.sum(own) > 0.0:
         return row
     return replace(row, conditioned_percent=100.0 * float(own @ below / np.sum(own)))

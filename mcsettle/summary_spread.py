@@ -31,10 +31,20 @@ INTERVAL = "tamping_interval_days"
 IDENTITY = 1e-12  # relative variance of a paired effect below which it is the same on every track
 
 
-def matrix(table: pd.DataFrame, column: str) -> np.ndarray:
-    """A column as [E, R], parameter sets × realisations; NaN where empty or missing."""
+def matrix(table: pd.DataFrame, column: str, sets: np.ndarray | None = None) -> np.ndarray:
+    """A column as [E, R], parameter sets × realisations; NaN where empty or missing.
+
+    ``sets`` [E] are all that the run has; a table from which failed rows are gone may lack some.
+    """
     wide = table.pivot(index="parameter_set", columns="realisation", values=column)
+    if sets is not None:
+        wide = wide.reindex(sets)
     return wide.to_numpy(dtype=float, na_value=np.nan)
+
+
+def sets_of(table: pd.DataFrame) -> np.ndarray:
+    """The parameter sets [E] of a table, rising."""
+    return np.unique(table["parameter_set"].to_numpy(dtype=int))
 
 
 def interval_spread(
@@ -69,7 +79,8 @@ def effect_spread(
 ) -> dict[str, list[Statistic]]:
     """Split, indices, lines, pairing gain and cost at the mean interval, by metric.
 
-    ``own`` and ``effects`` are the rows of one variant; ``weights`` as in ``interval_spread``.
+    ``own`` and ``effects`` are the rows of one variant, ``effects`` without failed ones; ``weights``
+    as in ``interval_spread``.
     """
     change, prices = study.change(scenario), study.priced
     if change is None or prices is None:
@@ -77,14 +88,17 @@ def effect_spread(
     base, other = (
         matrix(own[own["scenario"] == name], INTERVAL) for name in (prices.baseline, scenario)
     )
+    sets = sets_of(own)
+    sound = ~np.isnan(matrix(effects.assign(sound=1.0), "sound", sets))
     found: dict[str, list[Statistic]] = {}
     for metric in ("reduction_percent", "marginal_cost"):
-        values = matrix(effects, metric)
+        values = matrix(effects, metric, sets)
         if not _is_identity(values):
-            found[metric] = list(_split(study, members, own, values, np.isnan(values), weights))
+            censored = np.isnan(values) & sound
+            found[metric] = list(_split(study, members, own, values, censored, weights))
     if weights is None:  # a matter of the design, not of what is known of the line
         found.setdefault("reduction_percent", []).extend(_pairing(base, other))
-    cost = matrix(effects, "marginal_cost")
+    cost = matrix(effects, "marginal_cost", sets)
     at_mean = _cost_at_mean(members, scenario, base, other, weights)
     costs = found.setdefault("marginal_cost", [])
     note = "censored pairs left out" if _gaps(cost) else ""
@@ -103,23 +117,31 @@ def _split(
     censored: np.ndarray,
     weights: Weights,
 ) -> Iterator[Statistic]:
-    """Variance shares, first-order and total indices; nothing with one set or one section."""
-    scores, scale = spread_scores(values, censored)
+    """Variance shares, first-order and total indices; nothing with one set or one section.
+
+    Sets that failed altogether are left out.
+    """
+    kept = np.any(~np.isnan(values) | censored, axis=1)
+    of_sets = plain_weights(weights)
+    scores, scale = spread_scores(values[kept], censored[kept])
     if min(scores.shape) < 2 or np.ptp(scores) == 0.0:
         return
-    split = variance_split(scores, scale, plain_weights(weights))
+    split = variance_split(scores, scale, None if of_sets is None else of_sets[kept])
     for part in ("parameters", "sections", "interaction"):
         share = replace(getattr(split, part), n_censored=int(censored.sum()))
         yield Statistic("variance_share", None, share, part)
     if len(scores) < LEAST_SETS or weights is not None:
         return
     paths, drawn = _drawn(study, members, table)
-    for path, (index, error) in zip(paths, first_order(drawn, scores), strict=True):
+    if not paths:  # what differs between the sets is their grounds
+        return
+    for path, (index, error) in zip(paths, first_order(drawn[kept], scores), strict=True):
         bounds = index - 1.96 * error, index + 1.96 * error
         note = f"of the variance of the {scale}"
         estimate = Estimate(index, *bounds, error, scores.size, int(censored.sum()), "1", note)
         yield Statistic("first_order_index", None, estimate, path)
-    yield from _totals(members, paths, scores, scale, int(censored.sum()))
+    own = [members[e] for e in sets_of(table)[kept].tolist()]
+    yield from _totals(own, paths, scores, scale, int(censored.sum()))
 
 
 def _drawn(
@@ -133,7 +155,7 @@ def _drawn(
     others = tuple(f"variants.{name}." for name in study.variant_names if name != variant)
     paths = [e.input for e in study.uncertain if not e.input.startswith(others)]
     sets = table.groupby("parameter_set")
-    indices = np.unique(table["parameter_set"].to_numpy(dtype=int))
+    indices = sets_of(table)
     fitted = {entry.input for entry in study.fitted.values()}
     shares = {e: member.shares for e, member in enumerate(members)}
     columns = [
@@ -153,7 +175,7 @@ def _totals(
     n_censored: int,
 ) -> Iterator[Statistic]:
     """Total indices, not given where the spline through the sets does not follow them."""
-    shares = np.array([[m.shares[path] for path in paths] for m in members[: len(scores)]])
+    shares = np.array([[member.shares[path] for path in paths] for member in members])
     found = total_order(shares, scores)
     note = (
         f"of the variance of the {scale}; a spline predicts {found.explained:.0%} of sets left out"

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mcsettle.fem25d import SectionResponse
-from mcsettle.fem25d.field import centreline_field
+from mcsettle.fem25d.field import CentrelineField
 from mcsettle.fem25d.track_section import track_grid
 from mcsettle.figures.passage import passage_figure
 from mcsettle.figures.receptance import receptance_figure
@@ -75,7 +75,7 @@ def draw_track(
     InputError
         If the folder cannot be written.
     """
-    pictures = track_figures(case, table, progress)
+    pictures = track_figures(case, table)
     written = _tables(case, rows, table, folder)
     for done, (name, draw) in enumerate(pictures.items()):
         if progress is not None:
@@ -86,9 +86,7 @@ def draw_track(
     return written
 
 
-def track_figures(
-    case: TrackCase, table: list[Increase], progress: Progress | None = None
-) -> dict[str, Callable[[], Figure]]:
+def track_figures(case: TrackCase, table: list[Increase]) -> dict[str, Callable[[], Figure]]:
     """Every picture of a track by name, each drawn when called."""
     pictures: dict[str, Callable[[], Figure]] = {
         "section": lambda: _section(case),
@@ -96,7 +94,7 @@ def track_figures(
         "receptance": lambda: _receptance(case),
         "stress_depth": lambda: _depth(case),
         "stress_along": lambda: _along(case),
-        "slice": lambda: _slice(case, progress),
+        "slice": lambda: _slice(case),
         "table4": lambda: table4_figure(table, case.profile_text),
         "vehicle_models": lambda: _vehicles(case),
         "freight_passage": lambda: _freight(case),
@@ -212,15 +210,14 @@ def _layer_at(case: TrackCase, layer: int, z: float) -> int:
     return next(i for i in range(layer, len(tops) - 1) if z > tops[i + 1])
 
 
-def slice_view(case: TrackCase, progress: Progress | None = None) -> DeflectionSlice:
+def slice_view(case: TrackCase) -> DeflectionSlice:
     """Fig. 10: the first train over the study's first profile, its middle in the window's middle."""
     run = case.runs[0]
     if not isinstance(run.response, SectionResponse):
         raise TypeError("only a section track has a deflection of the ground")
     study, service = case.study, run.service
-    say = None if progress is None else lambda done, n, text: progress(text, done, n)
     return deflection_slice(
-        centreline_field(run.response, say),
+        CentrelineField(run.response),
         service.train,
         service.speed,
         case.wavenumbers,
@@ -230,13 +227,13 @@ def slice_view(case: TrackCase, progress: Progress | None = None) -> DeflectionS
     )
 
 
-def _slice(case: TrackCase, progress: Progress | None) -> Figure:
+def _slice(case: TrackCase) -> Figure:
     study = case.study
     text = (
         f"Profile: {case.profile_text}, realisation 0 of seed {study.seed}, periodic over "
         f"{study.profile.window_m:g} m. {_ground(case).capitalize()}."
     )
-    return slice_figure(slice_view(case, progress), text)
+    return slice_figure(slice_view(case), text)
 
 
 def _vehicles(case: TrackCase) -> Figure:

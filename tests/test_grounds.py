@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import toy
 from typer.testing import CliRunner
@@ -15,6 +16,7 @@ from mcsettle.errors import InputError
 from mcsettle.ground_report import ground_report, weighted_quantiles
 from mcsettle.grounds import Columns, read_grounds, slab_materials, slabs
 from mcsettle.study import Study, load_study, resolved_toml
+from mcsettle.summary_spread import interval_spread
 
 ROOT = Path(__file__).resolve().parents[1]
 LAYERS = """soilprofile_id;top_level;soil_name;
@@ -183,6 +185,28 @@ def test_a_run_goes_on_and_reports_by_segment(folder: Path, fresh_cache: Path) -
     assert picture.stat().st_size > 10_000
     told = runner.invoke(app, ["grounds", str(path), "--results", str(out), "--json"])
     assert json.loads(told.stdout)["line"]["known_probability"] == pytest.approx(0.85)
+
+
+def test_the_spread_over_grounds_leaves_out_those_that_failed() -> None:
+    n_sets, n_tracks, lost = 40, 6, 5
+    rng = np.random.default_rng(3)
+    days = np.exp(rng.normal(6.0, 1.0, (n_sets, 1)) + rng.normal(0.0, 0.5, n_tracks))
+    days[lost] = np.nan
+    table = pd.DataFrame(
+        {
+            "variant": "base",
+            "parameter_set": np.repeat(np.arange(n_sets), n_tracks),
+            "realisation": np.tile(np.arange(n_tracks), n_sets),
+            "tamping_interval_days": days.ravel(),
+            "censored_at_days": np.where(np.isnan(days), np.nan, 18_250.0).ravel(),
+        }
+    )
+    own = toy.study()
+    found = interval_spread(own, all_sets(own), table)
+    shares = {s.subject: s.estimate for s in found if s.statistic == "variance_share"}
+    assert sum(e.value for e in shares.values()) == pytest.approx(1.0)
+    assert {e.n for e in shares.values()} == {(n_sets - 1) * n_tracks}
+    assert not any(s.statistic.endswith("_index") for s in found)
 
 
 def test_the_dutch_study_is_sound_and_says_what_fails() -> None:

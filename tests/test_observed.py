@@ -4,6 +4,8 @@ In the closed-form ensemble the interval of a section is 700 days over the rates
 log T is normal about the set's own value and the posterior of a set's rate is normal too.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -310,6 +312,47 @@ def test_observations_added_to_a_finished_run_weight_it(tmp_path):
     assert bands[LOAD["input"]].drawn[1] == np.sort(drawn)[3]
     run_study(plain, tmp_path)
     assert read_results(tmp_path).conditioning("base") is None
+
+
+@pytest.mark.usefixtures("fresh_cache")
+def test_a_set_that_failed_leaves_the_numbers_of_the_others(tmp_path):
+    wide = [{**entry, "sd_error_mm": 0.2} for entry in SDS]
+    run = {"realisations": 12, "parameter_sets": 8, "history_days": [0, 10, 20, 40]}
+    run_study(uncertain(N0, LOAD, observed=wide, run=run), tmp_path)
+    whole = read_results(tmp_path)
+    tables = {name: getattr(whole, name) for name in ("realisations", "effects", "weights")}
+    lost = {
+        name: table.assign(
+            **{
+                column: table[column].where(table["parameter_set"] != 2)
+                for column in table.columns
+                if column.endswith(("_days", "_1y_mm", "_likelihood"))
+                or column in ("reduction_percent", "elasticity", "marginal_cost")
+            }
+        )
+        for name, table in tables.items()
+    }
+    for name in ("realisations", "effects"):
+        status = lost[name]["status"].astype(str)
+        lost[name]["status"] = status.where(lost[name]["parameter_set"] != 2, "failed")
+    fewer = {}
+    for name, table in tables.items():
+        kept = table[table["parameter_set"] != 2]
+        number = kept["parameter_set"] - (kept["parameter_set"] > 2)
+        fewer[name] = kept.assign(parameter_set=number)
+    one, other = (
+        {(row.scenario, row.metric): row for row in summary_rows(replace(whole, **found))}
+        for found in (lost, fewer)
+    )
+    assert one.keys() == other.keys()
+    assert ("v225", "marginal_cost") in one
+    for key, row in one.items():
+        assert row.conditioned_percent == pytest.approx(other[key].conditioned_percent)
+        for part in ("statistics", "conditioned"):
+            for mine, theirs in zip(getattr(row, part), getattr(other[key], part), strict=True):
+                assert mine.statistic == theirs.statistic
+                one_is, other_is = mine.estimate.value, theirs.estimate.value
+                assert one_is == (other_is and pytest.approx(other_is, rel=1e-12)), key
 
 
 def test_a_factor_of_another_variant_explains_nothing_of_this_one():

@@ -14,13 +14,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mcsettle.fem25d.reduced import Band
+from mcsettle.fem25d.reduced import Band, Bases
 from mcsettle.npz import DAMAGED, refuse_large
 from mcsettle.shared_cache import bring, share
 
 FORMAT = 6  # raise whenever the same settings would give other numbers
 T = TypeVar("T")
-ARRAYS = ("stiffness", "mass", "load", "output0", "output1")
+ARRAYS = ("stiffness", "mass", "load", "output0", "output1", "centreline")
 
 
 def digest_of(description: dict[str, Any]) -> str:
@@ -29,13 +29,14 @@ def digest_of(description: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def write_bands(path: Path, bands: tuple[Band, ...], errors: np.ndarray) -> None:
-    """Write bands and their errors to one ``.npz``, complete or not at all."""
+def write_bases(path: Path, bases: Bases) -> None:
+    """Write the bases of a section to one ``.npz``, complete or not at all."""
     arrays: dict[str, np.ndarray] = {
-        "bounds": np.array([[b.lower, b.upper, b.solves] for b in bands]),
-        "errors": errors,
+        "bounds": np.array([[b.lower, b.upper, b.solves] for b in bases.bands]),
+        "errors": bases.errors,
+        "heights": bases.heights,
     }
-    for i, band in enumerate(bands):
+    for i, band in enumerate(bases.bands):
         arrays.update({f"{name}_{i}": getattr(band, name) for name in ARRAYS})
     write_arrays(path, arrays)
 
@@ -58,9 +59,13 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
     share(path)
 
 
-def read_bands(path: Path) -> tuple[tuple[Band, ...], np.ndarray] | None:
-    """Bands and errors from disk; None where there is no file or (with a warning) a damaged one."""
-    return read_arrays(path, "track response", lambda arrays: (_bands(arrays), arrays["errors"]))
+def read_bases(path: Path) -> Bases | None:
+    """Bases from disk; None where there is no file or (with a warning) a damaged one."""
+    return read_arrays(
+        path,
+        "track response",
+        lambda arrays: Bases(_bands(arrays), arrays["errors"], arrays["heights"]),
+    )
 
 
 def read_arrays(path: Path, what: str, make: Callable[[dict[str, np.ndarray]], T]) -> T | None:
@@ -89,10 +94,8 @@ def read_arrays(path: Path, what: str, make: Callable[[dict[str, np.ndarray]], T
 def _bands(arrays: dict[str, np.ndarray]) -> tuple[Band, ...]:
     bands = []
     for i, (low, up, solves) in enumerate(arrays["bounds"]):
-        stiffness, mass, load, output0, output1 = (arrays[f"{name}_{i}"] for name in ARRAYS)
-        bands.append(
-            Band(float(low), float(up), stiffness, mass, load, output0, output1, int(solves))
-        )
+        held = {name: arrays[f"{name}_{i}"] for name in ARRAYS}
+        bands.append(Band(lower=float(low), upper=float(up), solves=int(solves), **held))
     return tuple(bands)
 
 

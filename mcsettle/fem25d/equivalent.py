@@ -35,6 +35,7 @@ def equivalent_linear_response(
     progress: Progress | None = None,
     workers: int = 1,
     use_cache: bool = True,
+    deferred: bool = False,
 ) -> tuple[SectionResponse, SofteningHistory]:
     """Response of the ground that fits the strains of one train at one speed.
 
@@ -44,7 +45,7 @@ def equivalent_linear_response(
         Track and ground at small strains.
     train, speed
         Whose quasi-static passage at ``speed`` [m/s] softens the ground.
-    integration_depth, settings, cache, progress, workers, use_cache
+    integration_depth, settings, cache, progress, workers, use_cache, deferred
         As in ``section_response``.
     softening : SofteningSettings, optional
         Strain measure, curves, tolerance.
@@ -74,6 +75,7 @@ def equivalent_linear_response(
         workers,
         use_cache,
         ground.properties,
+        deferred,
     )
     return response, ground.history
 

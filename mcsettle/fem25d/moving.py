@@ -11,7 +11,7 @@ Below zero frequency the hysteretic moduli are conjugate, so response(k, -ω) = 
 Depends on: track, transfer, depth, quadrature, reduced, settings, track_section.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,7 +26,7 @@ from mcsettle.fem25d.quadrature import (
     smooth_support,
     wavenumber_quadrature,
 )
-from mcsettle.fem25d.reduced import Band
+from mcsettle.fem25d.reduced import Band, Bases
 from mcsettle.fem25d.settings import Settings
 from mcsettle.fem25d.track_section import ElementProperties
 from mcsettle.track import SectionTrack
@@ -62,8 +62,7 @@ def rail_coupling(
 class SectionResponse:
     """Response of a section track to a unit moving load per wheelset (a ``TrackResponse``).
 
-    ``bands`` are the reduced bases, ``errors`` [n] their relative errors against direct solutions
-    at random points (k, ω) the bases never saw, ``solves`` the number of direct solutions spent.
+    ``load`` gives the reduced bases; it is called when they are first asked for.
     ``properties`` are the elements' own where the soil is equivalent-linear; the wave speeds are
     those of the layers at small strains.
     """
@@ -71,10 +70,24 @@ class SectionResponse:
     track: SectionTrack
     integration_depth: float
     settings: Settings
-    bands: tuple[Band, ...]
-    errors: np.ndarray
+    load: Callable[[], Bases]
     digest: str
     properties: ElementProperties | None = None
+
+    @cached_property
+    def bases(self) -> Bases:
+        """The reduced bases."""
+        return self.load()
+
+    @property
+    def bands(self) -> tuple[Band, ...]:
+        """The bases' bands, by rising wavenumber."""
+        return self.bases.bands
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Relative errors [n] against direct solutions at random (k, ω) that no basis has seen."""
+        return self.bases.errors
 
     @cached_property
     def grid(self) -> DepthGrid:

@@ -1,4 +1,4 @@
-"""Stress on the centreline as rows of a sparse matrix.
+"""Stress on the centreline as rows of a sparse matrix; where the displacement stands there.
 
 Derivatives of quadratic elements are most accurate at the 2 × 2 Gauss points. The rows therefore
 take the stress there, extrapolate it to y = 0 in y² (all four components are even in y) and
@@ -14,6 +14,7 @@ import skfem
 from mcsettle.fem25d.element import Cells, strain_operators
 
 ROWS = (0, 1, 2, 5)  # xx, yy, zz, xz of the strains' order
+VERTICAL = 2  # component of the displacement
 NEIGHBOURS = 4  # Gauss points in an interpolation over z
 
 
@@ -51,6 +52,24 @@ def stress_operators(
     rows0, rows1 = _point_rows(local, cells, column)
     spread = sp.kron(sp.eye(len(ROWS)), weights)
     return sp.csr_matrix(spread @ rows0), sp.csr_matrix(spread @ rows1)
+
+
+def centreline(
+    basis: skfem.Basis, free: np.ndarray, lowest: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Vertical displacements on y = 0 from the top down to the height ``lowest`` [m].
+
+    Returns
+    -------
+    (places among the unknowns ``free`` [D], heights [D] m)
+    """
+    vertical = np.zeros(basis.N, dtype=bool)
+    for dofs in (basis.nodal_dofs, basis.facet_dofs, basis.interior_dofs):
+        vertical[dofs[VERTICAL]] = True
+    y, z = basis.doflocs[:, free]
+    at = np.flatnonzero(vertical[free] & (np.abs(y) < 1e-9) & (z >= lowest - 1e-9))
+    order = at[np.argsort(-z[at])]
+    return order, z[order]
 
 
 def _point_rows(

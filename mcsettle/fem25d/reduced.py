@@ -17,7 +17,7 @@ it; so every other solution goes where the outputs changed most when the basis l
 Depends on: errors, section, solve.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,7 @@ ORDER = 2  # of the derivatives to k and ω² that one factorisation gives
 VECTORS = (ORDER + 1) * (ORDER + 2) // 2  # a solution and its derivatives
 SKETCH = 64  # rows of the random sketch
 SKETCH_SEED = 20_240_117
+NO_ROWS = np.empty(0, dtype=int)
 CONFIRMATIONS = 2  # predicted solutions within the tolerance that end the growth, one of each kind
 LEAST = 8  # solutions, before two good predictions can be more than luck
 
@@ -41,7 +42,7 @@ class Band:
     """Projected section for wavenumbers in [``lower``, ``upper``] rad/m, r unknowns.
 
     ``stiffness`` [3, r, r] (K0, K1, K2), ``mass`` [r, r], ``load`` [r]; outputs are
-    ``output0 + k output1`` [1 + 4 Z, r].
+    ``output0 + k output1`` [1 + 4 Z, r]; ``centreline`` [D, r] gives downward displacements.
     """
 
     lower: float
@@ -51,6 +52,7 @@ class Band:
     load: np.ndarray
     output0: np.ndarray
     output1: np.ndarray
+    centreline: np.ndarray
     solves: int
 
     @property
@@ -70,6 +72,15 @@ class Band:
         """Strip displacement and stresses [W, 1 + 4 Z] under a unit load on the strip."""
         rows = self.output0 + wavenumber * self.output1
         return np.asarray(self.solve(wavenumber, omegas) @ rows.T)
+
+
+@dataclass(frozen=True, eq=False)
+class Bases:
+    """Bands by rising wavenumber, errors [n] at held-out points, heights [D] m of the centreline."""
+
+    bands: tuple[Band, ...]
+    errors: np.ndarray
+    heights: np.ndarray
 
 
 def output_error(approximate: np.ndarray, exact: np.ndarray) -> float:
@@ -153,13 +164,14 @@ class _Growth:
             self._projected[i, old:grown, :old] = new.conj().T @ self._images[i][:, :old]
             self._sketched[i, :, old:grown] = self.sketch @ image
 
-    def band(self, lower: float, upper: float) -> Band:
-        """The projected operator as it stands."""
+    def band(self, lower: float, upper: float, rows: np.ndarray) -> Band:
+        """The projected operator as it stands; ``rows`` [D] as in ``grow_band``."""
         s, p = self.section, self._projected[:, : self.size, : self.size].copy()
         displacement = s.load @ self.space
         out0 = np.vstack([displacement[None], s.stress0 @ self.space])
         out1 = np.vstack([np.zeros((1, self.size)), s.stress1 @ self.space])
-        return Band(lower, upper, p[:3], p[3], displacement.conj(), out0, out1, self.solves)
+        down = -self.space[rows]
+        return Band(lower, upper, p[:3], p[3], displacement.conj(), out0, out1, down, self.solves)
 
     def tried(self, band: Band, wavenumber: float, omegas: np.ndarray
               ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
@@ -224,7 +236,7 @@ def grow_band(
     training: TrainingSet,
     tolerance: float,
     max_solves: int = 60,
-    progress: Callable[[int], None] | None = None,
+    rows: np.ndarray = NO_ROWS,
 ) -> Band:
     """Grow a reduced basis over one band until it predicts its own next solutions.
 
@@ -240,8 +252,8 @@ def grow_band(
         Relative error of the outputs that ends the growth.
     max_solves : int
         Most factorisations.
-    progress : callable, optional
-        Called with the number of factorisations so far.
+    rows : np.ndarray, optional
+        [D] unknowns whose downward displacement the band gives beside its outputs.
 
     Raises
     ------
@@ -260,7 +272,7 @@ def grow_band(
                 f"the reduced basis for {lower}-{upper} rad/m missed its tolerance {tolerance} "
                 f"after {max_solves} solutions; use narrower bands or a larger tolerance"
             )
-        band = growth.band(lower, upper)
+        band = growth.band(lower, upper, NO_ROWS)
         tried = [growth.tried(band, k, w) for k, w in training]
         outs = np.concatenate([t[1] for t in tried])
         if before is not None:
@@ -270,6 +282,4 @@ def grow_band(
         at = int(np.argmax(np.concatenate([t[0] for t in tried]) if by_residual else changes))
         error = output_error(outs[at], growth.add(float(ks[at]), float(omegas[at])))
         confirmed = confirmed + 1 if error < tolerance else 0
-        if progress is not None:
-            progress(growth.solves)
-    return growth.band(lower, upper)
+    return growth.band(lower, upper, rows)

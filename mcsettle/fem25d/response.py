@@ -1,6 +1,6 @@
 """The door to Step A: reduced bases for a track, from disk or computed, as a ``SectionResponse``.
 
-Depends on: track, cache, moving, reduced, section, settings, solve, track_section.
+Depends on: track, cache, moving, outputs, reduced, section, settings, solve, track_section.
 """
 
 import multiprocessing
@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from mcsettle.fem25d.cache import FORMAT, digest_of, read_bands, write_bands
+from mcsettle.fem25d.cache import FORMAT, digest_of, read_bases, write_bases
 from mcsettle.fem25d.moving import SectionResponse
-from mcsettle.fem25d.reduced import Band, grow_band, output_error, training_set
+from mcsettle.fem25d.outputs import centreline
+from mcsettle.fem25d.reduced import Band, Bases, grow_band, output_error, training_set
 from mcsettle.fem25d.section import Section
 from mcsettle.fem25d.settings import Settings
 from mcsettle.fem25d.solve import outputs, solve
@@ -45,6 +46,7 @@ def section_response(
     workers: int = 1,
     use_cache: bool = True,
     properties: ElementProperties | None = None,
+    deferred: bool = False,
 ) -> SectionResponse:
     """Response of a ballasted track to moving loads (Step A), computed once and kept on disk.
 
@@ -66,6 +68,8 @@ def section_response(
         False neither reads nor writes stored bases.
     properties : ElementProperties, optional
         Moduli and damping element by element (``soften``); default those of the layers.
+    deferred : bool
+        True leaves the bases until they are first asked for: its digest alone may do.
 
     Raises
     ------
@@ -78,17 +82,23 @@ def section_response(
     if workers < 1:
         raise ValueError(f"workers is {workers}; at least one is needed")
     model = _Model(track, integration_depth, settings, properties)
-    key = model.basis_digest
-    path = (cache_folder() if cache is None else Path(cache)) / f"section-{key[:32]}.npz"
-    found = read_bands(path) if use_cache else None
-    if found is None:
-        found = _compute(model, progress, workers)
-        if use_cache:
-            write_bands(path, *found)
-    digest = digest_of(model.description)
-    return SectionResponse(
-        track, integration_depth, settings, found[0], found[1], digest, properties
+    folder = cache_folder() if cache is None else Path(cache)
+
+    def load() -> Bases:
+        path = folder / f"section-{model.basis_digest[:32]}.npz"
+        found = read_bases(path) if use_cache else None
+        if found is None:
+            found = _compute(model, progress, workers)
+            if use_cache:
+                write_bases(path, found)
+        return found
+
+    response = SectionResponse(
+        track, integration_depth, settings, load, digest_of(model.description), properties
     )
+    if not deferred:
+        _ = response.bases
+    return response
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +143,14 @@ class _Model:
         return digest_of(description)
 
 
-def _compute(
-    model: _Model, progress: Progress | None, workers: int
-) -> tuple[tuple[Band, ...], np.ndarray]:
+def _compute(model: _Model, progress: Progress | None, workers: int) -> Bases:
     """Grow every band, here or in spawned processes; the result does not depend on which."""
     count = len(model.settings.bands)
-    done: dict[int, tuple[Band, np.ndarray]] = {}
+    done: dict[int, tuple[Band, np.ndarray, np.ndarray]] = {}
 
     def report(index: int) -> None:
         if progress is not None:
-            solves = sum(band.solves for band, _ in done.values())
+            solves = sum(band.solves for band, *_ in done.values())
             progress(len(done), count, f"track response: {solves} solutions")
 
     if workers == 1:
@@ -160,8 +168,8 @@ def _compute(
             for job in as_completed(jobs):
                 done[jobs[job]] = job.result()
                 report(jobs[job])
-    ordered = [done[i] for i in range(count)]
-    return tuple(band for band, _ in ordered), np.concatenate([e for _, e in ordered])
+    bands, errors, heights = zip(*(done[i] for i in range(count)), strict=True)
+    return Bases(bands, np.concatenate(errors), heights[0])
 
 
 @contextmanager
@@ -182,7 +190,7 @@ def worker_environment() -> Iterator[None]:
 _sections: dict[str, Section] = {}  # of a worker process: bands of one track share their section
 
 
-def _task(model: _Model, index: int) -> tuple[Band, np.ndarray]:
+def _task(model: _Model, index: int) -> tuple[Band, np.ndarray, np.ndarray]:
     key = model.basis_digest
     if key not in _sections:
         _sections.clear()
@@ -190,15 +198,16 @@ def _task(model: _Model, index: int) -> tuple[Band, np.ndarray]:
     return _grow(_sections[key], model, index)
 
 
-def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray]:
-    """One band and its errors at random points it never saw."""
+def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray, np.ndarray]:
+    """One band, its errors at random points it never saw, and the heights of its centreline."""
     track, settings = model.track, model.settings
     lower = 0.0 if index == 0 else settings.bands[index - 1]
     upper = settings.bands[index]
     section = section.for_wavenumbers(lower, settings.mesh.border)
     speeds = {rayleigh_speed(layer.material) for layer in track.ground}
     training = training_set(lower, upper, settings.max_omega, settings.max_speed, sorted(speeds))
-    band = grow_band(section, lower, upper, training, settings.tolerance, settings.max_solves)
+    rows, heights = centreline(section.basis, section.free, -model.integration_depth)
+    band = grow_band(section, lower, upper, training, settings.tolerance, settings.max_solves, rows)
     rng = np.random.Generator(np.random.Philox(key=[HELD_OUT_SEED, index]))
     errors = []
     for i, (at, share) in enumerate(rng.random((settings.held_out, 2)), start=index):
@@ -208,4 +217,4 @@ def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray
         omega = (share * highest, share * k * settings.max_speed, highest * 1e-3**share)[i % 3]
         exact = outputs(section, k, solve(section, k, omega))
         errors.append(output_error(band.outputs(k, np.array([omega]))[0], exact))
-    return band, np.array(errors)
+    return band, np.array(errors), heights

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter, ScalarFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mcsettle.figures.style import COLOURS, GREY, note, styled
 from mcsettle.units import DAYS_PER_YEAR
@@ -37,8 +37,9 @@ def grounds_figure(report: "GroundReport") -> Figure:
     cost.set(yscale="log", ylabel="present cost, Eq. (4)\n[1000 GBP/track-km]")
     cost.legend(loc="upper right")
     for axes in (days, cost):
-        axes.yaxis.set_major_formatter(ScalarFormatter())
-        axes.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.6)))
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
     unknown.bar(place, [100.0 * (1.0 - row.known) for row in rows], color=GREY, width=0.8)
     unknown.set(ylabel="not known [%]", ylim=(0.0, 100.0))
     unknown.set_xticks(place, [row.segment for row in rows], rotation=90, fontsize=6)
