@@ -13,6 +13,7 @@ import multiprocessing
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -290,12 +291,13 @@ def _soften_ahead(
     study: Study, shelf: Shelf, modes: np.ndarray, progress: Progress | None, workers: int
 ) -> None:
     """Compute the softened grounds of a study side by side, and leave them in the cache folder."""
-    grounds = (ground for *_, ground in _passages(study, shelf))
-    jobs = dict.fromkeys(
+    contact = study.track_table.hertz_stiffness_n_per_m
+    asked = dict.fromkeys(
         (track, depth, softened, settings)
-        for track, depth, softened, settings in grounds
+        for _, _, _, (track, depth, softened, settings) in _passages(study, shelf)
         if softened is not None and (track, depth, softened, settings) not in shelf.responses
     )
+    jobs = [job for job in asked if not _at_hand(*job, modes, contact)]
     if len(jobs) < 2:
         return
     from mcsettle.fem25d.response import worker_environment
@@ -305,7 +307,6 @@ def _soften_ahead(
         worker_environment(),
         ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool,
     ):
-        contact = study.track_table.hertz_stiffness_n_per_m
         running = [pool.submit(_ahead, *job, modes, contact) for job in jobs]
         for done, finished in enumerate(as_completed(running), 1):
             finished.result()
@@ -324,6 +325,35 @@ def _ahead(
     """One softened ground and its transfer functions, into the cache folder."""
     response = track_response(track, depth, softened=softened, settings=settings)
     _computed(response, Service(softened.train, softened.speed, 1), modes, contact, None)
+
+
+def _at_hand(
+    track: Track,
+    depth: float,
+    softened: Softened,
+    settings: "Settings | None",
+    modes: np.ndarray,
+    contact: float,
+) -> bool:
+    """Whether the cache folder has the transfer functions on a softened ground."""
+    from mcsettle.fem25d.equivalent import softening_file
+    from mcsettle.fem25d.settings import Settings
+
+    train, speed = softened.train, softened.speed
+    assert isinstance(track, SectionTrack)  # a beam has nothing that softens
+    mesh = (settings or Settings()).mesh
+    path = softening_file(track, train, speed, depth, mesh, softened.settings, cache_folder())
+    bring(path)
+    if not path.exists():
+        return False
+    response = track_response(track, depth, softened=softened, settings=settings)
+    path = _transfer_file(transfer_digest(train, speed, modes, contact, response.digest))
+    bring(path)
+    return path.exists()
+
+
+def _transfer_file(digest: str) -> Path:
+    return cache_folder() / f"transfer-{digest[:32]}.npz"
 
 
 def _without_laws(track: Track) -> Track:
@@ -377,7 +407,7 @@ def _computed(
 ) -> TransferFunctions:
     """One set of transfer functions, from the cache if it is there and sound."""
     digest = transfer_digest(service.train, service.speed, modes, contact, response.digest)
-    path = cache_folder() / f"transfer-{digest[:32]}.npz"
+    path = _transfer_file(digest)
     bring(path)
     if path.exists():
         try:

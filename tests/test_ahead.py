@@ -1,5 +1,8 @@
 """Step A of the sets to come in processes of their own: same rows, all from the cache folder."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import pytest
 from test_pipeline import everything
 from toy import COST, LOAD, SPRING, uncertain
@@ -8,10 +11,15 @@ from mcsettle import ahead, step_a
 from mcsettle.ahead import Ahead
 from mcsettle.draws import all_sets
 from mcsettle.errors import NumericalError
+from mcsettle.fem25d.equivalent import softening_file
+from mcsettle.files import cache_folder
+from mcsettle.interaction import transfer_digest
 from mcsettle.pipeline import run_study
 from mcsettle.step_a import Shelf, needs
+from mcsettle.study import load_study
 from mcsettle.track import BeamTrack
 
+STUDIES = Path(__file__).resolve().parents[1] / "studies"
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 
 
@@ -46,6 +54,38 @@ def test_the_run_finds_what_was_computed_ahead(monkeypatch, tmp_path):
     run_study(study, tmp_path / "two", processes=2)
     run_study(study, tmp_path / "one", processes=1)
     assert everything(tmp_path / "two") == everything(tmp_path / "one")
+
+
+def test_softened_grounds_that_are_at_hand_start_no_process(monkeypatch):
+    """Both files of every ground are in the cache folder: its softening, its transfer functions."""
+    study = load_study(STUDIES / "linespeed.toml")
+    monkeypatch.setattr(
+        step_a, "track_response", lambda *_, **__: SimpleNamespace(digest="made up")
+    )
+    monkeypatch.setattr(step_a, "ProcessPoolExecutor", None)
+    modes = step_a.study_wavenumbers(study)
+    folder = cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    passages = [p for p in step_a._passages(study, Shelf()) if p[3][2] is not None]
+    assert len({ground for *_, ground in passages}) == 4
+    contact = study.track_table.hertz_stiffness_n_per_m
+    for _, _, service, (track, depth, softened, settings) in passages:
+        chosen = softened.settings
+        file = softening_file(
+            track, service.train, service.speed, depth, settings.mesh, chosen, folder
+        )
+        digest = transfer_digest(service.train, service.speed, modes, contact, "made up")
+        file.touch()
+        step_a._transfer_file(digest).touch()
+    step_a._soften_ahead(study, Shelf(), modes, None, 2)
+    file.unlink()
+    step_a._soften_ahead(
+        study, Shelf(), modes, None, 2
+    )  # a single one has no company to share with
+    for path in folder.glob("transfer-*"):
+        path.unlink()
+    with pytest.raises(TypeError):
+        step_a._soften_ahead(study, Shelf(), modes, None, 2)
 
 
 class _Failed:

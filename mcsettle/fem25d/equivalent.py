@@ -96,8 +96,8 @@ def softened_ground(
     Only a converged ground is kept.
     """
     softening = SofteningSettings() if softening is None else softening
-    key = _digest(track, train, speed, integration_depth, mesh, softening)
-    path = (cache_folder() if cache is None else Path(cache)) / f"softening-{key[:32]}.npz"
+    folder = cache_folder() if cache is None else Path(cache)
+    path = softening_file(track, train, speed, integration_depth, mesh, softening, folder)
     found = read_arrays(path, "softening", _ground) if use_cache else None
     if found is not None:
         return found
@@ -110,6 +110,20 @@ def softened_ground(
     if use_cache and ground.history.converged:
         write_arrays(path, _arrays(ground))
     return ground
+
+
+def softening_file(
+    track: SectionTrack,
+    train: Train,
+    speed: float,
+    integration_depth: float,
+    mesh: MeshSettings,
+    softening: SofteningSettings,
+    folder: Path,
+) -> Path:
+    """Where ``softened_ground`` keeps a ground; parameters as there."""
+    key = _digest(track, train, speed, integration_depth, mesh, softening)
+    return folder / f"softening-{key[:32]}.npz"
 
 
 def _digest(
