@@ -62,6 +62,22 @@ def twiddle(wave: ti.template(), n: int, z: ti.template()):
 
 
 @ti.func
+def put_turned(
+    z: ti.template(), p: int, row: ti.template(), im: ti.template(), lane: int,
+    c: ti.template(), s: ti.template(), x: ti.template(), y: ti.template(),
+):  # fmt: skip
+    """Store (c + i s) (x + i y) in ``row``, the imaginary part ``im`` rows further on."""
+    z[p, row, lane] = c * x - s * y
+    z[p, row + im, lane] = c * y + s * x
+
+
+@ti.func
+def turned_back(c: ti.template(), s: ti.template(), x: ti.template(), y: ti.template()):
+    """Real and imaginary part of (c − i s) (x + i y)."""
+    return c * x + s * y, c * y - s * x
+
+
+@ti.func
 def back_4(
     z: ti.template(), p: int, a: int, hop: ti.template(), im: ti.template(),
     unit_n: int, wave: ti.template(),
@@ -74,12 +90,9 @@ def back_4(
         wr, wi, xr, xi, yr, yi, vr, vi = butterfly(z, p, a, hop, im, lane)
         z[p, a, lane] = wr
         z[p, a + im, lane] = wi
-        z[p, a + hop, lane] = c1 * xr - s1 * xi
-        z[p, a + hop + im, lane] = c1 * xi + s1 * xr
-        z[p, a + 2 * hop, lane] = c2 * yr - s2 * yi
-        z[p, a + 2 * hop + im, lane] = c2 * yi + s2 * yr
-        z[p, a + 3 * hop, lane] = c3 * vr - s3 * vi
-        z[p, a + 3 * hop + im, lane] = c3 * vi + s3 * vr
+        put_turned(z, p, a + hop, im, lane, c1, s1, xr, xi)
+        put_turned(z, p, a + 2 * hop, im, lane, c2, s2, yr, yi)
+        put_turned(z, p, a + 3 * hop, im, lane, c3, s3, vr, vi)
 
 
 @ti.func
@@ -98,8 +111,7 @@ def back_2(
         xi = ai - bi
         z[p, a, lane] = ar + br
         z[p, a + im, lane] = ai + bi
-        z[p, a + hop, lane] = c1 * xr - s1 * xi
-        z[p, a + hop + im, lane] = c1 * xi + s1 * xr
+        put_turned(z, p, a + hop, im, lane, c1, s1, xr, xi)
 
 
 @ti.func
@@ -127,10 +139,8 @@ def back_3(
         yi = ei - dr
         z[p, a, lane] = ar + br
         z[p, a + im, lane] = ai + bi
-        z[p, a + hop, lane] = c1 * xr - s1 * xi
-        z[p, a + hop + im, lane] = c1 * xi + s1 * xr
-        z[p, a + 2 * hop, lane] = c2 * yr - s2 * yi
-        z[p, a + 2 * hop + im, lane] = c2 * yi + s2 * yr
+        put_turned(z, p, a + hop, im, lane, c1, s1, xr, xi)
+        put_turned(z, p, a + 2 * hop, im, lane, c2, s2, yr, yi)
 
 
 @ti.func
@@ -161,12 +171,9 @@ def forth_4(
     for lane in range(f.shape[2]):
         ar = f[p, i, lane]
         ai = f[p, i + q, lane]
-        br = c1 * f[p, i + hop, lane] + s1 * f[p, i + hop + q, lane]
-        bi = c1 * f[p, i + hop + q, lane] - s1 * f[p, i + hop, lane]
-        cr = c2 * f[p, i + 2 * hop, lane] + s2 * f[p, i + 2 * hop + q, lane]
-        ci = c2 * f[p, i + 2 * hop + q, lane] - s2 * f[p, i + 2 * hop, lane]
-        dr = c3 * f[p, i + 3 * hop, lane] + s3 * f[p, i + 3 * hop + q, lane]
-        di = c3 * f[p, i + 3 * hop + q, lane] - s3 * f[p, i + 3 * hop, lane]
+        br, bi = turned_back(c1, s1, f[p, i + hop, lane], f[p, i + hop + q, lane])
+        cr, ci = turned_back(c2, s2, f[p, i + 2 * hop, lane], f[p, i + 2 * hop + q, lane])
+        dr, di = turned_back(c3, s3, f[p, i + 3 * hop, lane], f[p, i + 3 * hop + q, lane])
         f[p, i, lane] = (ar + cr) + (br + dr)
         f[p, i + q, lane] = (ai + ci) + (bi + di)
         f[p, i + hop, lane] = (ar - cr) + (bi - di)
@@ -187,8 +194,7 @@ def forth_2(
     for lane in range(f.shape[2]):
         ar = f[p, i, lane]
         ai = f[p, i + q, lane]
-        br = c1 * f[p, i + hop, lane] + s1 * f[p, i + hop + q, lane]
-        bi = c1 * f[p, i + hop + q, lane] - s1 * f[p, i + hop, lane]
+        br, bi = turned_back(c1, s1, f[p, i + hop, lane], f[p, i + hop + q, lane])
         f[p, i, lane] = ar + br
         f[p, i + q, lane] = ai + bi
         f[p, i + hop, lane] = ar - br
@@ -208,10 +214,8 @@ def forth_3(
     for lane in range(f.shape[2]):
         ar = f[p, i, lane]
         ai = f[p, i + q, lane]
-        br = c1 * f[p, i + hop, lane] + s1 * f[p, i + hop + q, lane]
-        bi = c1 * f[p, i + hop + q, lane] - s1 * f[p, i + hop, lane]
-        cr = c2 * f[p, i + 2 * hop, lane] + s2 * f[p, i + 2 * hop + q, lane]
-        ci = c2 * f[p, i + 2 * hop + q, lane] - s2 * f[p, i + 2 * hop, lane]
+        br, bi = turned_back(c1, s1, f[p, i + hop, lane], f[p, i + hop + q, lane])
+        cr, ci = turned_back(c2, s2, f[p, i + 2 * hop, lane], f[p, i + 2 * hop + q, lane])
         xr = ar - half * (br + cr)
         xi = ai - half * (bi + ci)
         yr = h * (bi - ci)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import taichi as ti
 
-from mcsettle.kernels.fourier import POINTS, back_4, butterfly, twiddle
+from mcsettle.kernels.fourier import POINTS, back_4, butterfly, put_turned, twiddle
 from mcsettle.kernels.laws import strain_power, strain_power_32
 from mcsettle.kernels.spectral import ROWS
 
@@ -188,12 +188,9 @@ def few_modes(
         vi = ai + br
         w[p, i, lane] = ar + br
         w[p, i + im, lane] = ai + bi
-        w[p, i + q, lane] = c1 * xr - s1 * xi
-        w[p, i + q + im, lane] = c1 * xi + s1 * xr
-        w[p, i + 2 * q, lane] = c2 * yr - s2 * yi
-        w[p, i + 2 * q + im, lane] = c2 * yi + s2 * yr
-        w[p, i + 3 * q, lane] = c3 * vr - s3 * vi
-        w[p, i + 3 * q + im, lane] = c3 * vi + s3 * vr
+        put_turned(w, p, i + q, im, lane, c1, s1, xr, xi)
+        put_turned(w, p, i + 2 * q, im, lane, c2, s2, yr, yi)
+        put_turned(w, p, i + 3 * q, im, lane, c3, s3, vr, vi)
 
 
 @ti.func
@@ -217,8 +214,7 @@ def many_modes(
             y = w[p, i + up + h, lane]
             v = w[p, i + down, lane]
             z = w[p, i + down + h, lane]
-            w[p, i + part * q, lane] = a * x - b * y
-            w[p, i + part * q + im, lane] = a * y + b * x
+            put_turned(w, p, i + part * q, im, lane, a, b, x, y)
             w[p, i + (2 + part) * q, lane] = e * v - f * z
             w[p, i + (2 + part) * q + im, lane] = -(e * z + f * v)
     back_4(w, p, i, q, im, n, wave)
