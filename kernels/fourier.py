@@ -1,4 +1,4 @@
-"""Fourier transforms over x of blocks of realisations, the realisation in the lane.
+"""Fourier transforms over x of tiles of realisations, the realisation in the lane.
 
 Scratch field [worker, row, lane]: each quarter of the points has its rows, the imaginary parts have
 theirs ``im`` further on; of a real field two quarters make a complex one. Backward transforms (modes to

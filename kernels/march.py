@@ -13,7 +13,7 @@ import numpy as np
 import taichi as ti
 
 from mcsettle.kernels import pointwise
-from mcsettle.kernels.spectral import CAPACITY, LANES, N_TILES, Tables, burst, workspace
+from mcsettle.kernels.spectral import CAPACITY, LANES, Tables, burst, workspace
 
 LAUNCH = 1e10  # floating-point operations in one launch: some tenths of a second on two cores
 
@@ -33,7 +33,7 @@ class March:
         if n_real > CAPACITY:
             raise ValueError(f"{n_real} realisations; at most {CAPACITY} in one batch")
         self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
-        self.precision = precision
+        self.precision, self.lanes = precision, LANES[precision]
         self.fields = self._workspace(n_modes)
         self._u = np.array(amplitudes, dtype=complex)
         self._active = np.sum(np.abs(amplitudes) ** 2, axis=1) < power_limit
@@ -44,7 +44,7 @@ class March:
     @property
     def n_tiles(self) -> int:
         """Tiles in use."""
-        return -(-len(self._rows) // LANES)
+        return -(-len(self._rows) // self.lanes)
 
     def advance(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
         """Apply the updates ``load`` [N] with ``weights`` [N, G] to every active realisation.
@@ -56,7 +56,7 @@ class March:
         self._launch(load, weights, *coefficients)
         self._active[self._rows] = self._lanes(self.fields.active) > 0.5
         busy = int(self._active.sum())
-        if busy <= (self.n_tiles - 1) * LANES:
+        if busy <= (self.n_tiles - 1) * self.lanes:
             self._store()
             self._load(np.flatnonzero(self._active))
 
@@ -67,13 +67,13 @@ class March:
         w = self.fields
         burst(
             load, weights, *coefficients, *self.tables, self.power_limit,
-            self.n_tiles, self.n_groups, w.u, w.v, w.du, w.active, w.power, w.uniform, w.passages,
+            self.n_tiles, self.n_groups, w.u, w.v, w.du, w.active, w.uniform, w.passages,
         )  # fmt: skip
 
     def burst_size(self) -> int:
         """Updates per launch, so that progress and Ctrl-C work."""
         pairs = len(self.tables[0]) + len(self.tables[2])
-        return max(16, int(LAUNCH / (max(self.n_tiles, 1) * LANES * 16 * pairs)))
+        return max(16, int(LAUNCH / (max(self.n_tiles, 1) * self.lanes * 16 * pairs)))
 
     def amplitudes(self) -> np.ndarray:
         """Complex amplitudes [R, K], m."""
@@ -113,16 +113,16 @@ class March:
         n_modes, u = self._u.shape[1], self._u[rows]
         room = np.zeros((len(rows), w.u.shape[1], 2))  # the field may hold more modes
         room[:, :n_modes, 0], room[:, :n_modes, 1] = u.real, u.imag
-        w.u.from_numpy(_tiled(room))
+        w.u.from_numpy(self._tiled(room))
         self._copy(room)
-        w.active.from_numpy(_tiled(self._active[rows].astype(float)))
-        w.uniform.from_numpy(_tiled(self._uniform[rows]))
-        w.passages.from_numpy(_tiled(self._updates[rows]))
+        w.active.from_numpy(self._tiled(self._active[rows].astype(float)))
+        w.uniform.from_numpy(self._tiled(self._uniform[rows]))
+        w.passages.from_numpy(self._tiled(self._updates[rows]))
 
     def _copy(self, amplitudes: np.ndarray) -> None:
         """The copy of the state that single precision computes from."""
         if self.precision != "f64":
-            self.fields.v.from_numpy(_tiled(amplitudes.astype(np.float32)))
+            self.fields.v.from_numpy(self._tiled(amplitudes.astype(np.float32)))
 
     def _store(self) -> None:
         """Bring the lanes' state back to their realisations."""
@@ -138,6 +138,13 @@ class March:
         if self.fields.owner != [self]:
             raise RuntimeError("another run has used these fields: advance one march at a time")
 
+    def _tiled(self, rows: np.ndarray) -> np.ndarray:
+        """[A, …] to [tiles, …, lanes], zero where there is no realisation."""
+        full = np.zeros((CAPACITY, *rows.shape[1:]), dtype=rows.dtype)
+        full[: len(rows)] = rows
+        tiles = full.reshape(-1, self.lanes, *rows.shape[1:])
+        return np.ascontiguousarray(np.moveaxis(tiles, 1, -1))
+
     def _lanes(self, field: ti.Field) -> np.ndarray:
         return field.to_numpy().reshape(-1)[: len(self._rows)]
 
@@ -149,7 +156,9 @@ class PointwiseMarch(March):
         """Updates per launch, so that progress and Ctrl-C work."""
         start, kind, wave = self.tables[0], self.tables[1], self.tables[6]
         transforms = len(kind) / (len(start) - 1)
-        return max(16, int(LAUNCH / (max(self.n_tiles, 1) * LANES * 40 * transforms * len(wave))))
+        return max(
+            16, int(LAUNCH / (max(self.n_tiles, 1) * self.lanes * 40 * transforms * len(wave)))
+        )
 
     def _copy(self, amplitudes: np.ndarray) -> None:
         """None: the kernel takes the state up anew for every passage."""
@@ -166,11 +175,3 @@ class PointwiseMarch(March):
             load, weights, *self.tables, w.rows, 0, self.power_limit,
             self.n_tiles, self.n_groups, *w.scratch(),
         )  # fmt: skip
-
-
-def _tiled(rows: np.ndarray) -> np.ndarray:
-    """[A, …] to [N_TILES, …, LANES], zero where there is no realisation."""
-    full = np.zeros((CAPACITY, *rows.shape[1:]), dtype=rows.dtype)
-    full[: len(rows)] = rows
-    tiles = full.reshape(N_TILES, LANES, *rows.shape[1:])
-    return np.ascontiguousarray(np.moveaxis(tiles, 1, -1))

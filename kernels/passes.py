@@ -1,8 +1,8 @@
-"""What the pointwise kernel does with a block of lanes: modes to stress, to settlement and back.
+"""What the pointwise kernel does with a tile of lanes: modes to stress, to settlement and back.
 
-Arguments throughout: worker ``p``, tile ``t`` and first lane ``o`` of the block in it, transform ``c``
-or axle ``j``; ``n_points`` N of the grid, known to the compiler; scratch rows ``w`` [worker, row, lane];
-the tables and fields of ``mcsettle.kernels.pointwise.burst``.
+Arguments throughout: worker ``p``, tile ``t``, transform ``c`` or axle ``j``; ``n_points`` N of the grid,
+known to the compiler; scratch rows ``w`` [worker, row, lane]; the tables and fields of
+``mcsettle.kernels.pointwise.burst``.
 
 Depends on: fourier, laws, taichi.
 """
@@ -12,7 +12,12 @@ from dataclasses import dataclass
 import taichi as ti
 
 from mcsettle.kernels.fourier import POINTS, back_4, butterfly, put_turned, twiddle
-from mcsettle.kernels.laws import strain_power, strain_power_32
+from mcsettle.kernels.laws import (
+    binary_logarithm,
+    binary_logarithm_32,
+    power_of_two,
+    power_of_two_32,
+)
 from mcsettle.kernels.spectral import ROWS
 
 GROUPS = 8  # settling layers at most
@@ -77,20 +82,27 @@ def clear_rows(p: int, begin: ti.template(), end: ti.template(), w: ti.template(
 
 
 @ti.func
+def put_one(p: int, row: ti.template(), w: ti.template()):
+    """One in every lane of ``row``."""
+    for lane in range(w.shape[2]):
+        w[p, row, lane] = 1.0
+
+
+@ti.func
 def take_up(
-    p: int, t: int, o: int, rows: ti.template(), n_modes: int, first: int,
+    p: int, t: int, rows: ti.template(), n_modes: int, first: int,
     u: ti.template(), w: ti.template(),
 ):  # fmt: skip
-    """Copy the amplitudes of the block to its rows, up and down."""
+    """Copy the amplitudes of the tile to its rows, up and down."""
     for mode in range(n_modes):
         k = mode & ROWS
         n = (first + mode) & ROWS
         up = (rows.up + n) & POINTS
         down = (rows.down + rows.points // 2 - n) & POINTS
         for lane in range(w.shape[2]):
-            w[p, up, lane] = ti.cast(u[t, k, 0, o + lane], w.dtype)
+            w[p, up, lane] = ti.cast(u[t, k, 0, lane], w.dtype)
         for lane in range(w.shape[2]):
-            w[p, up + rows.half, lane] = ti.cast(u[t, k, 1, o + lane], w.dtype)
+            w[p, up + rows.half, lane] = ti.cast(u[t, k, 1, lane], w.dtype)
         for lane in range(w.shape[2]):
             w[p, down, lane] = w[p, up, lane]
             w[p, down + rows.half, lane] = w[p, up + rows.half, lane]
@@ -98,7 +110,7 @@ def take_up(
 
 @ti.func
 def weigh(
-    p: int, t: int, o: int, rows: ti.template(), j: int, step: int, n_groups: int,
+    p: int, t: int, rows: ti.template(), j: int, step: int, n_groups: int,
     growth: ti.template(), constant: ti.template(),
     own: ti.template(), active: ti.template(), uniform: ti.template(), w: ti.template(),
 ):  # fmt: skip
@@ -108,18 +120,19 @@ def weigh(
         every = growth[step, g]
         c = constant[j, g]
         for lane in range(w.shape[2]):
-            mine = every * own[t, g, o + lane]
+            mine = every * own[t, g, lane]
             w[p, rows.weights + g, lane] = ti.cast(mine, w.dtype)
-            uniform[t, o + lane] = uniform[t, o + lane] + active[t, o + lane] * (mine * c)
+            uniform[t, lane] = uniform[t, lane] + active[t, lane] * (mine * c)
 
 
 @ti.func
-def pick_weights(p: int, a: int, b: int, rows: ti.template(), w: ti.template()):
-    """Copy the weights of groups a and b to rows of known place."""
+def pick_weights(p: int, a: int, b: int, factor: float, rows: ti.template(), w: ti.template()):
+    """Copy the weights of groups a and b, times ``factor``, to rows of known place."""
+    f = ti.cast(factor, w.dtype)
     for lane in range(w.shape[2]):
-        w[p, rows.picked, lane] = w[p, rows.weights + (a & (GROUPS - 1)), lane]
+        w[p, rows.picked, lane] = f * w[p, rows.weights + (a & (GROUPS - 1)), lane]
     for lane in range(w.shape[2]):
-        w[p, rows.picked + 1, lane] = w[p, rows.weights + (b & (GROUPS - 1)), lane]
+        w[p, rows.picked + 1, lane] = f * w[p, rows.weights + (b & (GROUPS - 1)), lane]
 
 
 @ti.func
@@ -129,7 +142,7 @@ def add_linear(
     """Growth that is linear in the profile and needs no grid (exponent 2)."""
     up, to, h = ti.static(rows.up, rows.grown, rows.half)
     for g in range(linear.shape[1]):
-        pick_weights(p, g, g, rows, w)
+        pick_weights(p, g, g, 1.0, rows, w)
         for n in range(rows.points // 2):
             mode = n - first
             if 0 <= mode and mode < linear.shape[2]:
@@ -238,49 +251,38 @@ def add_squares(p: int, begin: int, rows: ti.template(), w: ti.template()):
 
 
 @ti.func
-def begin_power(
-    p: int, c: int, begin: int, rows: ti.template(), depth: ti.template(),
-    law: ti.template(), w: ti.template(),
-):  # fmt: skip
+def begin_power(p: int, begin: int, rows: ti.template(), depth: ti.template(), w: ti.template()):
     """Last pass of a transform of two deviators of one depth: begin its σ_d²."""
     s = ti.static(rows.squared[depth])
-    m0 = ti.cast(law[c, 0], w.dtype)
-    m1 = ti.cast(law[c, 1], w.dtype)
     for n in range(rows.points // 16):
         i = (begin + 4 * n) & POINTS
         for lane in range(w.shape[2]):
             x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(w, p, i, 1, rows.im, lane)
-            w[p, i + s, lane] = (m0 + x0) * (m0 + x0) + (m1 + y0) * (m1 + y0)
-            w[p, i + s + 1, lane] = (m0 + x1) * (m0 + x1) + (m1 + y1) * (m1 + y1)
-            w[p, i + s + 2, lane] = (m0 + x2) * (m0 + x2) + (m1 + y2) * (m1 + y2)
-            w[p, i + s + 3, lane] = (m0 + x3) * (m0 + x3) + (m1 + y3) * (m1 + y3)
+            w[p, i + s, lane] = x0 * x0 + y0 * y0
+            w[p, i + s + 1, lane] = x1 * x1 + y1 * y1
+            w[p, i + s + 2, lane] = x2 * x2 + y2 * y2
+            w[p, i + s + 3, lane] = x3 * x3 + y3 * y3
 
 
 @ti.func
-def add_power(
-    p: int, c: int, begin: int, rows: ti.template(), law: ti.template(), w: ti.template()
-):
+def add_power(p: int, begin: int, m: float, rows: ti.template(), w: ti.template()):
     """Last pass of a transform of the third deviators of two depths, which then settle."""
     im, s = ti.static(rows.im, rows.settled)
     s0, s1 = ti.static(rows.squared[0], rows.squared[1])
     weights = ti.static(rows.picked)
-    m0 = ti.cast(law[c, 0], w.dtype)
-    m1 = ti.cast(law[c, 1], w.dtype)
-    c0 = ti.cast(law[c, 2], w.dtype)
-    c1 = ti.cast(law[c, 3], w.dtype)
-    exponent = ti.cast(law[c, 4], w.dtype)
     for n in range(rows.points // 16):
         i = (begin + 4 * n) & POINTS
         for lane in range(w.shape[2]):
             x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(w, p, i, 1, rows.im, lane)
-            w[p, i, lane] = m0 + x0
-            w[p, i + im, lane] = m1 + y0
-            w[p, i + 1, lane] = m0 + x1
-            w[p, i + 1 + im, lane] = m1 + y1
-            w[p, i + 2, lane] = m0 + x2
-            w[p, i + 2 + im, lane] = m1 + y2
-            w[p, i + 3, lane] = m0 + x3
-            w[p, i + 3 + im, lane] = m1 + y3
+            w[p, i, lane] = x0
+            w[p, i + im, lane] = y0
+            w[p, i + 1, lane] = x1
+            w[p, i + 1 + im, lane] = y1
+            w[p, i + 2, lane] = x2
+            w[p, i + 2 + im, lane] = y2
+            w[p, i + 3, lane] = x3
+            w[p, i + 3 + im, lane] = y3
+    half = ti.cast(0.5 * m, w.dtype)
     for n in range(rows.points // 4):
         i = (begin + n) & POINTS
         for lane in range(w.shape[2]):
@@ -289,17 +291,26 @@ def add_power(
             a = w[p, i + s0, lane] + x * x
             b = w[p, i + s1, lane] + y * y
             if ti.static(w.dtype == ti.f32):
-                a = strain_power_32(a, exponent)
-                b = strain_power_32(b, exponent)
+                w[p, i + s0, lane] = half * binary_logarithm_32(a)
+                w[p, i + s1, lane] = half * binary_logarithm_32(b)
             else:
-                a = strain_power(a, exponent)
-                b = strain_power(b, exponent)
-            w[p, i + s, lane] = w[p, i + s, lane] + w[p, weights, lane] * (c0 * a + c1 * b)
+                w[p, i + s0, lane] = half * binary_logarithm(a)
+                w[p, i + s1, lane] = half * binary_logarithm(b)
+        for lane in range(w.shape[2]):
+            a = w[p, i + s0, lane]
+            b = w[p, i + s1, lane]
+            if ti.static(w.dtype == ti.f32):
+                a = power_of_two_32(a)
+                b = power_of_two_32(b)
+            else:
+                a = power_of_two(a)
+                b = power_of_two(b)
+            w[p, i + s, lane] = w[p, i + s, lane] + w[p, weights, lane] * (a + b)
 
 
 @ti.func
 def collect(
-    p: int, t: int, o: int, rows: ti.template(), n_modes: int, first: int,
+    p: int, t: int, rows: ti.template(), n_modes: int, first: int,
     wave: ti.template(), active: ti.template(), uniform: ti.template(), w: ti.template(),
 ):  # fmt: skip
     """Growth of the modes and uniform settlement from the transforms of the four quarters."""
@@ -309,7 +320,7 @@ def collect(
         total = (w[p, s, lane] + w[p, s + q, lane]) + (
             w[p, s + 2 * q, lane] + w[p, s + 3 * q, lane]
         )
-        uniform[t, o + lane] = uniform[t, o + lane] + active[t, o + lane] * (e * total)
+        uniform[t, lane] = uniform[t, lane] + active[t, lane] * (e * total)
     for mode in range(n_modes):
         n = first + mode
         to = (rows.grown + n) & POINTS
@@ -346,39 +357,14 @@ def collect(
 
 @ti.func
 def give_back(
-    p: int, t: int, o: int, rows: ti.template(), n_modes: int, first: int,
+    p: int, t: int, rows: ti.template(), n_modes: int, first: int,
     d: ti.template(), w: ti.template(),
 ):  # fmt: skip
-    """Copy the growth of a block to its lanes."""
+    """Copy the growth of a tile to its lanes."""
     for mode in range(n_modes):
         k = mode & ROWS
         i = (rows.grown + ((first + mode) & ROWS)) & POINTS
         for lane in range(w.shape[2]):
-            d[t, k, 0, o + lane] = ti.cast(w[p, i, lane], d.dtype)
+            d[t, k, 0, lane] = ti.cast(w[p, i, lane], d.dtype)
         for lane in range(w.shape[2]):
-            d[t, k, 1, o + lane] = ti.cast(w[p, i + rows.half, lane], d.dtype)
-
-
-@ti.func
-def step_on(
-    t: int, o: int, lanes: ti.template(), n_modes: int, power_limit: float,
-    u: ti.template(), d: ti.template(),
-    active: ti.template(), power: ti.template(), passages: ti.template(),
-):  # fmt: skip
-    """Add the growth to the profiles of a block; those that reach the limit stop there."""
-    for lane in range(lanes):
-        power[t, o + lane] = 0.0
-    for mode in range(n_modes):
-        k = mode & ROWS
-        for lane in range(lanes):
-            x = u[t, k, 0, o + lane] + active[t, o + lane] * d[t, k, 0, o + lane]
-            y = u[t, k, 1, o + lane] + active[t, o + lane] * d[t, k, 1, o + lane]
-            u[t, k, 0, o + lane] = x
-            u[t, k, 1, o + lane] = y
-            power[t, o + lane] = power[t, o + lane] + (x * x + y * y)
-    for lane in range(lanes):
-        if active[t, o + lane] > 0.5:
-            passages[t, o + lane] = passages[t, o + lane] + 1
-            # Written so that an amplitude that is no number stops, too.
-            if not power[t, o + lane] < power_limit:
-                active[t, o + lane] = 0.0
+            d[t, k, 1, lane] = ti.cast(w[p, i + rows.half, lane], d.dtype)

@@ -3,7 +3,7 @@
 Any settlement law and exponent; nothing is expanded. Stress fields are synthesised on the grid from the
 profile's modes, two real fields in one complex transform, and what a passage settles is transformed
 back (mcsettle.kernels.fourier). State, lanes and tiles as in the spectral kernels. The arrays over x
-belong to workers, each of which takes every WORKERS-th block of lanes, so that they stay in its cache:
+belong to workers, each of which takes every WORKERS-th tile, so that they stay in its cache:
 2.3 kB a point, 0.6 MB each on a window of 200 m and 6 MB on one of 2 km. In single precision (``w``) the
 state and the sums over passages are in double precision all the same.
 
@@ -29,15 +29,14 @@ from mcsettle.kernels.passes import (
     first_pass,
     give_back,
     pick_weights,
+    put_one,
     rows_of,
-    step_on,
     take_up,
     weigh,
 )
-from mcsettle.kernels.spectral import CAPACITY, LANES, N_TILES, PRECISIONS
+from mcsettle.kernels.spectral import CAPACITY, LANES, PRECISIONS, step_on
 
 WORKERS = 16
-BLOCK = {"f64": 32, "f32": 64}  # lanes that go through a passage together: what fits the cache
 # What becomes of a transform's fields: squares, two deviators of a first or next depth, their third.
 SQUARES, BEGIN, NEXT = 0, 1, 2
 
@@ -51,7 +50,6 @@ class Workspace:
     du: ti.Field
     own: ti.Field
     active: ti.Field
-    power: ti.Field
     uniform: ti.Field
     passages: ti.Field
     w: ti.Field
@@ -60,8 +58,7 @@ class Workspace:
     def scratch(self) -> tuple[ti.Field, ...]:
         """The fields in the order of the kernel's arguments."""
         return (
-            self.u, self.du, self.own, self.active, self.power, self.uniform,
-            self.passages, self.w,
+            self.u, self.du, self.own, self.active, self.uniform, self.passages, self.w,
         )  # fmt: skip
 
 
@@ -74,13 +71,14 @@ def workspace(n_modes: int, n_points: int, n_groups: int, precision: str = "f64"
 
 @functools.cache
 def _allocated(n_modes: int, n_points: int, precision: str) -> Workspace:
-    rows, shape = rows_of(n_points), (N_TILES, n_modes, 2, LANES)
-    u, du = (ti.field(ti.f64, shape=shape) for _ in range(2))
-    own = ti.field(ti.f64, shape=(N_TILES, GROUPS, LANES))
-    lanes = [ti.field(ti.f64, shape=(N_TILES, LANES)) for _ in range(3)]
-    passages = ti.field(ti.i64, shape=(N_TILES, LANES))
-    w = ti.field(PRECISIONS[precision], shape=(WORKERS, rows.count, BLOCK[precision]))
-    return Workspace(rows, u, du, own, *lanes, passages, w, [])
+    rows, lanes = rows_of(n_points), LANES[precision]
+    n_tiles = CAPACITY // lanes
+    u, du = (ti.field(ti.f64, shape=(n_tiles, n_modes, 2, lanes)) for _ in range(2))
+    own = ti.field(ti.f64, shape=(n_tiles, GROUPS, lanes))
+    active, uniform = (ti.field(ti.f64, shape=(n_tiles, lanes)) for _ in range(2))
+    passages = ti.field(ti.i64, shape=(n_tiles, lanes))
+    w = ti.field(PRECISIONS[precision], shape=(WORKERS, rows.count, lanes))
+    return Workspace(rows, u, du, own, active, uniform, passages, w, [])
 
 
 @ti.kernel
@@ -89,8 +87,10 @@ def burst(
     growth: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [N, G] growth of the cycle functions
     start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [J + 1] first transform of each axle
     kind: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [T, 3] kind, groups of the two fields
-    law: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [T, 5] mean deviators, coefficients, exponent
-    response: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [T, X/2, 4] of U_n, of U*_n at X/2 − n
+    law: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [T, 2] coefficient, exponent
+    response: ti.types.ndarray(
+        dtype=ti.f64, ndim=3
+    ),  # [T, X/2, 4] of U_n (U_0 = 1), of U*_n at X/2 − n
     linear: ti.types.ndarray(dtype=ti.f64, ndim=4),  # [J, G, K, 2]
     constant: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [J, G]
     wave: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [X, 2] cos, sin of 2π x / X
@@ -104,7 +104,6 @@ def burst(
     d: ti.template(),
     own: ti.template(),  # growth of the cycle functions of each realisation, a factor
     active: ti.template(),
-    power: ti.template(),
     uniform: ti.template(),
     passages: ti.template(),
     w: ti.template(),  # scratch
@@ -115,23 +114,22 @@ def burst(
         w[p, 0, 0] = ti.cast(
             u[0, 0, 0, 0], w.dtype
         )  # see the spectral module's note on vectorisation
-        parts, n_modes, first = ti.static(LANES // w.shape[2]), linear.shape[2], band[0]
-        for turn in range((n_tiles * parts - p + WORKERS - 1) // WORKERS):
-            block = p + turn * WORKERS
-            t = (block // parts) & (N_TILES - 1)
-            o = ((block % parts) * w.shape[2]) & (LANES - w.shape[2])
+        n_modes, first = linear.shape[2], band[0]
+        for turn in range((n_tiles - p + WORKERS - 1) // WORKERS):
+            t = (p + turn * WORKERS) & (u.shape[0] - 1)
             clear_rows(p, rows.up, rows.weights, w)
+            put_one(p, rows.up, w)
             for step in range(axle.shape[0]):
                 j = axle[step]
                 if frozen == 0 or step == 0:
                     clear_rows(p, rows.settled, rows.squared[0], w)
                     clear_rows(p, rows.grown, rows.weights, w)
-                    take_up(p, t, o, rows, n_modes, first, u, w)
-                weigh(p, t, o, rows, j, step, n_groups, growth, constant, own, active, uniform, w)
+                    take_up(p, t, rows, n_modes, first, u, w)
+                weigh(p, t, rows, j, step, n_groups, growth, constant, own, active, uniform, w)
                 add_linear(p, rows, j, first, linear, w)
                 for c in range(start[j], start[j + 1]):
                     first_pass(p, c, rows, response, wave, band, w)
-                    pick_weights(p, kind[c, 1], kind[c, 2], rows, w)
+                    pick_weights(p, kind[c, 1], kind[c, 2], law[c, 0], rows, w)
                     for quarter in range(4):
                         begin = quarter * rows.q
                         for r, hop in ti.static(stages(rows.points)):
@@ -142,20 +140,17 @@ def burst(
                         if kind[c, 0] == SQUARES:
                             add_squares(p, begin, rows, w)
                         elif kind[c, 0] == BEGIN:
-                            begin_power(p, c, begin, rows, 0, law, w)
+                            begin_power(p, begin, rows, 0, w)
                         elif kind[c, 0] == NEXT:
-                            begin_power(p, c, begin, rows, 1, law, w)
+                            begin_power(p, begin, rows, 1, w)
                         else:
-                            add_power(p, c, begin, rows, law, w)
+                            add_power(p, begin, law[c, 1], rows, w)
                 if frozen == 0 or step == axle.shape[0] - 1:
                     forwards(w, p, rows.settled, rows.q, rows.points, wave)
-                    collect(p, t, o, rows, n_modes, first, wave, active, uniform, w)
-                    give_back(p, t, o, rows, n_modes, first, d, w)
+                    collect(p, t, rows, n_modes, first, wave, active, uniform, w)
+                    give_back(p, t, rows, n_modes, first, d, w)
                 if frozen == 0:
-                    step_on(
-                        t, o, w.shape[2], n_modes, power_limit,
-                        u, d, active, power, passages,
-                    )  # fmt: skip
+                    step_on(t, n_modes, power_limit, u, d, active, passages)
 
 
 @ti.kernel
@@ -170,8 +165,8 @@ def fill(
 ):
     """Put realisations into lanes; those left over repeat the last."""
     for t in range(n_tiles):
-        for lane in range(LANES):
-            r = ti.min(t * LANES + lane, amplitudes.shape[0] - 1)
+        for lane in range(u.shape[3]):
+            r = ti.min(t * u.shape[3] + lane, amplitudes.shape[0] - 1)
             active[t, lane] = 1.0
             uniform[t, lane] = 0.0
             for g in range(weights.shape[1]):
@@ -190,8 +185,8 @@ def fetch(
 ):
     """Take growth and uniform settlement out of the lanes."""
     for r in range(change.shape[0]):
-        t = r // LANES
-        lane = r % LANES
+        t = r // d.shape[3]
+        lane = r % d.shape[3]
         total[r] = uniform[t, lane]
         for k in range(change.shape[1]):
             change[r, k, 0] = d[t, k, 0, lane]
@@ -213,7 +208,7 @@ def evaluate(
     ones = np.ones((len(axles), n_groups))
     for first in range(0, len(u), CAPACITY):
         part = slice(first, min(first + CAPACITY, len(u)))
-        n_tiles = -(-(part.stop - first) // LANES)
+        n_tiles = -(-(part.stop - first) // LANES["f64"])
         fill(u[part], weights[part], n_tiles, w.u, w.own, w.active, w.uniform)
         burst(axles, ones, *tables, w.rows, 1, 0.0, n_tiles, n_groups, *w.scratch())
         fetch(w.du, w.uniform, change[part], uniform[part])

@@ -218,6 +218,6 @@ def _provenance(study: Study, prepared: StepA, size: int) -> store.Provenance:
         seed=study.seed,
         taichi_version=runtime.version(),
         precision=study.run.precision,
-        lanes=spectral.LANES,
+        lanes=spectral.LANES[study.run.precision],
         shard_realisations=size,
     )

@@ -29,14 +29,15 @@ class PointwiseLoad:
     """One train as the pointwise kernel takes it: J axles, T transforms, G groups, X grid points.
 
     ``start`` [J + 1] first transform of each axle; ``kind`` [T, 3] what becomes of its two fields and
-    their groups; ``law`` [T, 5] their mean deviators, their coefficients and the exponent; ``response``
-    [T, K, 4] factors of U_k at k and, conjugate, of U*_k at −k, real and imaginary parts;
-    ``linear`` [J, G, K, 2] and ``constant`` [J, G] parts that need no grid; ``first_mode``.
+    their groups; ``law`` [T, 2] coefficient of what settles, and exponent; ``mean`` [T, 2] of the two
+    fields; ``response`` [T, K, 4] factors of U_k at k and, conjugate, of U*_k at −k, real and imaginary
+    parts; ``linear`` [J, G, K, 2] and ``constant`` [J, G] parts that need no grid; ``first_mode``.
     """
 
     start: np.ndarray
     kind: np.ndarray
     law: np.ndarray
+    mean: np.ndarray
     response: np.ndarray
     linear: np.ndarray
     constant: np.ndarray
@@ -49,7 +50,10 @@ class PointwiseLoad:
         return len(self.constant)
 
 
-Transform = tuple[tuple[int, int, int], tuple[float, ...], np.ndarray, np.ndarray]
+# Kind and groups, law, means, factors of the two fields.
+Transform = tuple[
+    tuple[int, int, int], tuple[float, float], tuple[float, float], np.ndarray, np.ndarray
+]
 
 
 def pointwise_load(
@@ -74,13 +78,14 @@ def pointwise_load(
     modes = mode_numbers(transfer.wavenumbers, window)
     axles = [_axle(transfer, model, j, tolerance) for j in range(len(transfer.quasi_static))]
     transforms = [transform for own, _, _ in axles for transform in own]
-    kind, law, f, h = (np.array(part) for part in zip(*transforms, strict=True))
+    kind, law, mean, f, h = (np.array(part) for part in zip(*transforms, strict=True))
     above, below = 0.5 * (f + 1j * h), 0.5 * (f - 1j * h)
     linear = np.stack([part for _, part, _ in axles])
     return PointwiseLoad(
         start=np.cumsum([0] + [len(own) for own, _, _ in axles]).astype(np.int32),
         kind=kind.astype(np.int32),
         law=law,
+        mean=mean,
         response=np.stack([above.real, above.imag, below.real, below.imag], axis=-1),
         linear=np.stack([linear.real, linear.imag], axis=-1),
         constant=np.stack([part for _, _, part in axles]),
@@ -129,7 +134,7 @@ def _squares(fields: list[tuple[int, np.ndarray]]) -> list[Transform]:
     if len(fields) % 2:
         fields = [*fields, (fields[-1][0], np.zeros_like(fields[-1][1]))]
     return [
-        ((SQUARES, a, b), (0.0,) * 4 + (2.0,), f, h)
+        ((SQUARES, a, b), (1.0, 2.0), (0.0, 0.0), f, h)
         for (a, f), (b, h) in zip(fields[::2], fields[1::2], strict=True)
     ]
 
@@ -137,16 +142,25 @@ def _squares(fields: list[tuple[int, np.ndarray]]) -> list[Transform]:
 def _depths(
     group: int, exponent: float, c: np.ndarray, p: np.ndarray, s: np.ndarray
 ) -> list[Transform]:
-    """Transforms of the deviators s [3, Z, K] about p [3, Z], depths in pairs."""
+    """Transforms of the deviators s [3, Z, K] about p [3, Z], depths in pairs.
+
+    c σ_d^m = c' (r σ_d)^m with r = (c/c')^(1/m), so that one coefficient c' serves all depths: the
+    deviators carry the rest. A last depth without a partner is taken twice, half each time.
+    """
+    if len(c) % 2:
+        paired = [*range(len(c)), len(c) - 1]
+        c, p, s = c[paired], p[:, paired], s[:, paired]
+        c[-2:] /= 2.0
+    law = (float(c.max()), exponent)
+    ratio = (c / c.max()) ** (1.0 / exponent)
+    p, s = ratio * p, ratio[:, None] * s
     found: list[Transform] = []
     for z in range(0, len(c), 2):
-        both = z + 1 < len(c)
-        for i in range(2 if both else 1):
-            means = (p[0, z + i], p[1, z + i], 0.0, 0.0, exponent)
-            found.append((((BEGIN, NEXT)[i], 0, 0), means, s[0, z + i], s[1, z + i]))
-        other = (p[2, z + 1], c[z + 1], s[2, z + 1]) if both else (0.0, 0.0, np.zeros_like(s[2, z]))
-        law = (p[2, z], other[0], c[z], other[1], exponent)
-        found.append(((FINISH, group, 0), law, s[2, z], other[2]))
+        for i, kind in enumerate((BEGIN, NEXT)):
+            means = (p[0, z + i], p[1, z + i])
+            found.append(((kind, group, group), law, means, s[0, z + i], s[1, z + i]))
+        means = (p[2, z], p[2, z + 1])
+        found.append(((FINISH, group, group), law, means, s[2, z], s[2, z + 1]))
     return found
 
 
@@ -186,6 +200,7 @@ def joined(loads: list[PointwiseLoad]) -> PointwiseLoad:
         start=np.concatenate([*start, first[-1:]]).astype(np.int32),
         kind=np.concatenate([load.kind for load in loads]),
         law=np.concatenate([load.law for load in loads]),
+        mean=np.concatenate([load.mean for load in loads]),
         response=np.concatenate([load.response for load in loads]),
         linear=np.concatenate([load.linear for load in loads]),
         constant=np.concatenate([load.constant for load in loads]),
@@ -204,7 +219,9 @@ def tables(load: PointwiseLoad) -> tuple[np.ndarray, ...]:
     low, high = max(0, last + 1 - quarter), min(quarter, 2 * quarter - last)
     band = np.array([first, low, max(low, high)], dtype=np.int32)
     # By mode number, upwards and downwards; the factors of the modes that there are not are zero.
+    # Mode 0, which no profile has, is 1 in the kernel: its factors are the means.
     response, half = np.zeros((len(load.kind), load.n_points // 2, 4)), load.n_points // 2
+    response[:, 0, :2] = load.mean
     response[:, first : last + 1, :2] = load.response[..., :2]
     response[:, half - last : half - first + 1, 2:] = load.response[:, ::-1, 2:]
     arrays = (load.start, load.kind, load.law, response, load.linear, load.constant)

@@ -377,4 +377,4 @@ def test_manifest_is_plain(finished):
     manifest = json.loads((finished.folder / "manifest.json").read_text(encoding="utf-8"))
     rows = sum(f["rows"] for f in manifest["files"] if f["path"].startswith("realisations/"))
     assert rows == 2 * N
-    assert manifest["provenance"]["lanes"] == 64
+    assert manifest["provenance"]["lanes"] == 32
