@@ -178,7 +178,9 @@ def section_settings(
     max_speed, max_omega = 25.0 * math.ceil(speed / 25.0), 20.0 * math.ceil(omega / 20.0)
     if own:
         return many_grounds_settings(max_speed, max_omega)
-    return Settings(max_speed=max_speed, max_omega=max_omega, held_out=1 if softened else 3)
+    return Settings(
+        max_speed=max_speed, max_omega=max_omega, held_out=1 if softened else usual.held_out
+    )
 
 
 Ground = tuple[Track, float, Softened | None, "Settings | None"]  # and the integration depth [m]
@@ -293,11 +295,11 @@ def _soften_ahead(
     """Compute the softened grounds of a study side by side, and leave them in the cache folder."""
     contact = study.track_table.hertz_stiffness_n_per_m
     asked = dict.fromkeys(
-        (track, depth, softened, settings)
-        for _, _, _, (track, depth, softened, settings) in _passages(study, shelf)
-        if softened is not None and (track, depth, softened, settings) not in shelf.responses
+        ground
+        for _, _, _, ground in _passages(study, shelf)
+        if ground[2] is not None and ground not in shelf.responses
     )
-    jobs = [job for job in asked if not _at_hand(*job, modes, contact)]
+    jobs = [ground for ground in asked if not _at_hand(ground, modes, contact)]
     if len(jobs) < 2:
         return
     from mcsettle.fem25d.response import worker_environment
@@ -307,41 +309,30 @@ def _soften_ahead(
         worker_environment(),
         ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool,
     ):
-        running = [pool.submit(_ahead, *job, modes, contact) for job in jobs]
+        running = [pool.submit(_ahead, ground, modes, contact) for ground in jobs]
         for done, finished in enumerate(as_completed(running), 1):
             finished.result()
             if progress is not None:
                 progress("Step A: equivalent-linear grounds", done, len(jobs))
 
 
-def _ahead(
-    track: Track,
-    depth: float,
-    softened: Softened,
-    settings: "Settings | None",
-    modes: np.ndarray,
-    contact: float,
-) -> None:
+def _ahead(ground: Ground, modes: np.ndarray, contact: float) -> None:
     """One softened ground and its transfer functions, into the cache folder."""
+    track, depth, softened, settings = ground
+    assert softened is not None
     response = track_response(track, depth, softened=softened, settings=settings)
     _computed(response, Service(softened.train, softened.speed, 1), modes, contact, None)
 
 
-def _at_hand(
-    track: Track,
-    depth: float,
-    softened: Softened,
-    settings: "Settings | None",
-    modes: np.ndarray,
-    contact: float,
-) -> bool:
+def _at_hand(ground: Ground, modes: np.ndarray, contact: float) -> bool:
     """Whether the cache folder has the transfer functions on a softened ground."""
     from mcsettle.fem25d.equivalent import softening_file
     from mcsettle.fem25d.settings import Settings
 
-    train, speed = softened.train, softened.speed
+    track, depth, softened, settings = ground
+    assert softened is not None
     assert isinstance(track, SectionTrack)  # a beam has nothing that softens
-    mesh = (settings or Settings()).mesh
+    train, speed, mesh = softened.train, softened.speed, (settings or Settings()).mesh
     path = softening_file(track, train, speed, depth, mesh, softened.settings, cache_folder())
     bring(path)
     if not path.exists():

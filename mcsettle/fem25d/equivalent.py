@@ -121,24 +121,14 @@ def softening_file(
     softening: SofteningSettings,
     folder: Path,
 ) -> Path:
-    """Where ``softened_ground`` keeps a ground; parameters as there."""
-    key = _digest(track, train, speed, integration_depth, mesh, softening)
-    return folder / f"softening-{key[:32]}.npz"
+    """Where ``softened_ground`` keeps a ground, by all that a softening depends on; parameters as there.
 
-
-def _digest(
-    track: SectionTrack,
-    train: Train,
-    speed: float,
-    integration_depth: float,
-    mesh: MeshSettings,
-    softening: SofteningSettings,
-) -> str:
-    """Digest of all that a softening depends on (not of settlement laws or vehicle dynamics)."""
+    That is neither settlement laws nor vehicle dynamics.
+    """
     plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
     choices = asdict(softening)
     choices["curves"] = [asdict(curve) for curve in softening.layer_curves(track)]
-    return digest_of(
+    key = digest_of(
         {
             "format": FORMAT,
             "track": asdict(plain),
@@ -151,6 +141,7 @@ def _digest(
             "softening": choices,
         }
     )
+    return folder / f"softening-{key[:32]}.npz"
 
 
 def _arrays(ground: SoftenedGround) -> dict[str, np.ndarray]:

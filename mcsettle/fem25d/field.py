@@ -52,7 +52,7 @@ class CentrelineField:
 
     def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[FieldSpectra]:
         """Spectra at ``speed`` [m/s] for each driving frequency Ω ≥ 0 of ``omegas`` [rad/s]."""
-        k, weights = self.response.quadrature.both_signs()
+        k, weights = self.response.quadrature.both_signs
         none = np.zeros((k.size, len(COMPONENTS), 0))
         for omega in np.atleast_1d(omegas):  # one by one: there are many heights
             lines = self.response.along_lines(self._modal, 0, speed, np.array([omega]))

@@ -126,10 +126,6 @@ class SectionResponse:
         return wavenumber_quadrature(s.bands[-1], s.panel, s.panel_points)
 
     @cached_property
-    def _lines(self) -> tuple[np.ndarray, np.ndarray]:  # one object, by which others keep phases
-        return self.quadrature.both_signs()
-
-    @cached_property
     def _support(self) -> Support:
         factor = 0.5 if self.track.damping_convention == "loss_factor" else 1.0
         least = min(layer.material.damping for layer in self.track.layers)
@@ -161,7 +157,7 @@ class SectionResponse:
 
     def _chunk(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
         """Spectra for a few driving frequencies at once."""
-        k, weights = self._lines
+        k, weights = self.quadrature.both_signs
         for both in self.along_lines(self._modal, self.grid.z.size, speed, omegas):
             stress = both[:, 1:].reshape(k.size, 4, -1)
             yield WavenumberSpectra(k, weights, np.ascontiguousarray(both[:, 0]), stress)
@@ -194,8 +190,8 @@ class SectionResponse:
             if jump is not None:  # damping changes sign inside this panel
                 at, share = jump
                 plus, minus = (
-                    self._coupled(reverse[at], odd, q.nodes[at], behind[i][at], sign)
-                    for sign in (1.0, -1.0)
+                    self._coupled(reverse[at], odd, q.nodes[at], behind[i][at], side)
+                    for side in (1.0, -1.0)
                 )
                 negative[at] = share[:, None] * plus + (1.0 - share)[:, None] * minus
             negative[:, negative.shape[1] - odd :] *= -1.0

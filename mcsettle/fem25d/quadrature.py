@@ -8,6 +8,7 @@ Depends on: nothing of the package.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,7 +31,10 @@ class Quadrature:
     weights: np.ndarray
     points: int
 
-    def both_signs(self) -> tuple[np.ndarray, np.ndarray]:
+    @cached_property
+    def both_signs(
+        self,
+    ) -> tuple[np.ndarray, np.ndarray]:  # one object, by which others keep phases
         """Nodes and weights [2 P n] rad/m over [-k_max, k_max]."""
         return (
             np.concatenate([-self.nodes[::-1], self.nodes]),
