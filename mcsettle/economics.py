@@ -12,6 +12,7 @@ the tonnage is constant, and the elasticity is −1/(1 + Δq/q) whatever the tra
 Depends on: errors, units.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -154,6 +155,15 @@ def marginal_cost(
     """
     slope = present_value_slope(tamping_cost, discount_rate, base_interval, observed)
     return np.asarray(slope * elasticity / divisor)
+
+
+def cost_exponent(discount_rate: float, interval: float) -> float:
+    """The power d log(cost)/d log T that ``marginal_cost`` goes as at one elasticity: Eq. (7) by T.
+
+    ``interval`` T in years, ``discount_rate`` r in 1/year; −r T / (1 − e^{−rT}), and −1 where r T is 0.
+    """
+    product = discount_rate * interval
+    return -1.0 if product == 0.0 else -product / -math.expm1(-product)
 
 
 @dataclass(frozen=True)

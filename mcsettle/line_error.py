@@ -37,6 +37,10 @@ class Moments:
     skew: np.ndarray
     fourth: np.ndarray
 
+    def times(self, factor: np.ndarray) -> "Moments":
+        """Those of sections times ``factor`` > 0, broadcast."""
+        return Moments(factor * self.mean, factor * self.sd, self.skew, factor**4 * self.fourth)
+
 
 def moments(values: np.ndarray, by_track: np.ndarray) -> Moments:
     """Moments of every set's sections [E, R] (NaN left out) where tracks count ``by_track`` [B, R]."""
@@ -104,7 +108,7 @@ def _tracks(
     """How far the quantiles reach down and up for want of tracks; infinite where unknown."""
     if values.shape[1] < 2:
         return [(np.inf, np.inf) for _ in levels]
-    found = moments(values, drawn.by_track)
+    found = moments(values, drawn.by_track).times(drawn.factors[:, None])
     if len(values) == 1:
         return [_one_set(found, count, level, values.shape[1]) for level in levels]
     reaches = []

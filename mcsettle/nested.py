@@ -110,7 +110,7 @@ def crossed_mean(
     total = np.einsum("br,br->b", drawn.by_set @ filled, drawn.by_track)
     count = np.einsum("br,br->b", drawn.by_set @ known.astype(float), drawn.by_track)
     with np.errstate(invalid="ignore", divide="ignore"):
-        means = total / count
+        means = drawn.factors * total / count
     others = means[1:][np.isfinite(means[1:])]
     levels = _corrected(values, float(means[0]), others, drawn)
     ends = np.quantile(others, levels) if len(others) else (None, None)
@@ -245,7 +245,7 @@ def _quantiles(
             aim = level * total * (1.0 - 1e-12)
             at = [np.searchsorted(row, x) for row, x in zip(weights, aim, strict=True)]
             reached = rising[np.minimum(at, n - 1)]
-            found[k, part] = np.where(total > 0.0, reached, np.nan)
+            found[k, part] = np.where(total > 0.0, drawn.factors[part] * reached, np.nan)
     return found
 
 
@@ -285,7 +285,10 @@ def _limits(
         below = np.isneginf(values)
     total = _counted(known, drawn)
     with np.errstate(invalid="ignore", divide="ignore"):
-        shares = _counted(below, drawn) / total
+        part = _counted(below, drawn)
+        if np.ptp(drawn.factors) > 0.0 and np.isfinite(quantile):
+            part = _weight_below(values, quantile / drawn.factors, drawn)
+        shares = part / total
     others = shares[1:][np.isfinite(shares[1:])]
     share = float(shares[0])
     variance = float(np.var(others, ddof=1)) if len(others) > 1 else np.inf
@@ -302,6 +305,24 @@ def _limits(
 def _counted(chosen: np.ndarray, drawn: Resampling) -> np.ndarray:
     """Weight [B] of the rows ``chosen`` [E, R]."""
     return np.einsum("br,br->b", drawn.by_set @ chosen.astype(float), drawn.by_track)
+
+
+def _weight_below(values: np.ndarray, bounds: np.ndarray, drawn: Resampling) -> np.ndarray:
+    """Weight [B] of the rows [E, R] up to the bound [B] of each resample."""
+    flat = values.ravel()
+    order = np.argsort(flat, kind="stable")
+    order = order[np.isfinite(flat[order])]
+    own_set, own_track = np.unravel_index(order, values.shape)
+    at = np.searchsorted(flat[order], bounds, side="right")
+    found = np.zeros(len(bounds))
+    step = max(1, CHUNK // max(len(order), 1))
+    for first in range(0, len(bounds), step):
+        part = slice(first, min(first + step, len(bounds)))
+        weights = drawn.by_set[part].take(own_set, axis=1)
+        weights *= drawn.by_track[part].take(own_track, axis=1)
+        reached = np.pad(np.cumsum(weights, axis=1), ((0, 0), (1, 0)))
+        found[part] = np.take_along_axis(reached, at[part, None], axis=1)[:, 0]
+    return found
 
 
 def _number(value: float | None) -> float | None:

@@ -17,6 +17,7 @@ Depends on: errors, estimate, resampling, study, study_observed.
 """
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,23 +139,41 @@ class Likelihood:
     sections: tuple[np.ndarray, ...]
     medians: tuple[tuple[ObservedTable, np.ndarray], ...]
 
+    @property
+    def n_tracks(self) -> int:
+        """Tracks R of every set."""
+        parts = (*self.sections, *(days for _, days in self.medians))
+        return int(parts[0].shape[1])
+
     def of_tracks(self, counts: np.ndarray) -> np.ndarray:
         """Log likelihood [B, E] of the sets where the tracks are there ``counts`` [B, R] times."""
-        total: np.ndarray | float = 0.0
-        for logs in self.sections:
-            total = total + _log_mean_of(logs, counts)
+        total: np.ndarray | float = self.of_sections(counts)
+        for median in self.of_medians(counts):
+            total = total + median.log_likelihood()
+        return np.asarray(total)
+
+    def of_sections(self, counts: np.ndarray) -> np.ndarray | float:
+        """The part [B, E] of ``of_tracks`` by single sections; 0 without any."""
+        return sum((_log_mean_of(logs, counts) for logs in self.sections), 0.0)
+
+    def of_medians(self, counts: np.ndarray) -> Iterator["Median"]:
+        """The medians of several sections as the resampled tracks [B, R] have them, [B, E]."""
         for entry, days in self.medians:
             if np.all(counts == 1.0):
-                total = total + np.broadcast_to(log_median(entry, days), (len(counts), len(days)))
+                one = Median.of(entry, days)
+                shape = (len(counts), len(days))
+                parts = (np.broadcast_to(part, shape) for part in (one.middle, one.variance))
+                yield Median(entry, *parts)
                 continue
             drawn = (np.repeat(np.arange(days.shape[1]), row.astype(int)) for row in counts)
-            total = total + np.stack([log_median(entry, days[:, own]) for own in drawn])
-        return np.asarray(total)
+            found = [Median.of(entry, days[:, own]) for own in drawn]
+            yield Median(
+                entry, np.stack([m.middle for m in found]), np.stack([m.variance for m in found])
+            )
 
     def weights(self) -> SetWeights:
         """Weights of the sets, computed anew for resampled tracks."""
-        parts = (*self.sections, *(days for _, days in self.medians))
-        n_tracks = parts[0].shape[1]
+        n_tracks = self.n_tracks
         known: dict[bytes, np.ndarray] = {}
 
         def given(counts: np.ndarray) -> np.ndarray:
@@ -168,9 +187,17 @@ class Likelihood:
 
 
 def likelihood(
-    study: Study, variant: str, realisations: pd.DataFrame, history: pd.DataFrame
+    study: Study,
+    variant: str,
+    realisations: pd.DataFrame,
+    history: pd.DataFrame,
+    stretch: np.ndarray | float = 0.0,
 ) -> Likelihood:
-    """Likelihood of the study's observations, set by set and track by track; as ``conditioned``."""
+    """Likelihood of the study's observations, set by set and track by track; as ``conditioned``.
+
+    ``stretch`` [E]: with all days of a set exp(stretch) times as long.
+    """
+    longer = np.reshape(np.exp(stretch), (-1, 1))
     own = realisations[realisations["variant"] == variant]
     sections, medians = [], []
     for entries in sections_of(study.observed):
@@ -180,15 +207,15 @@ def likelihood(
             if rows.empty:
                 raise InputError(f"scenario '{entry.scenario}' is observed and has no rows")
             if entry.sections > 1:
-                medians.append((entry, _days(rows)))
+                medians.append((entry, longer * _days(rows)))
                 continue
             if entry.is_interval:
-                found = log_interval(entry, _days(rows))
+                found = log_interval(entry, longer * _days(rows))
             else:
                 past = history[
                     (history["variant"] == variant) & (history["scenario"] == entry.scenario)
                 ]
-                found = log_sd(entry, sd_on(past, rows, entry.day or 0.0))
+                found = log_sd(entry, sd_on(past, rows, (entry.day or 0.0) / longer[:, 0]))
             logs = found if logs is None else logs + found
         if logs is not None:
             sections.append(logs)
@@ -237,24 +264,50 @@ def log_sd(entry: ObservedTable, sd_mm: np.ndarray) -> np.ndarray:
 
 
 def log_median(entry: ObservedTable, days: np.ndarray) -> np.ndarray:
-    """Log likelihood [...] of the median interval of several sections, days [..., R].
+    """Log likelihood [...] of the median interval of several sections, days [..., R]."""
+    return Median.of(entry, days).log_likelihood()
 
-    The median of the set's own R realisations is known no better than they allow; that is in the
-    spread, and so in every conditioned band.
-    """
-    observed, error = entry.tamping_interval_days or 1.0, entry.error_days or 1.0
-    with np.errstate(invalid="ignore", divide="ignore"):
-        logs = np.log(np.where(np.isnan(days), np.inf, days))
-        ordered = np.sort(logs, axis=-1)
-        n = days.shape[-1]
-        low, middle, high = (ordered[..., min(n - 1, int(p * n))] for p in (0.16, 0.5, 0.84))
-        upper = np.where(np.isfinite(high), high, 2.0 * middle - low)
-        sd = np.maximum(0.5 * (upper - low), 1e-6)
-        variance = (error / observed) ** 2
-        variance = variance + (_MEDIAN_SPREAD * sd) ** 2 * (1.0 / entry.sections + 1.0 / n)
-        square = (middle - np.log(observed)) ** 2 / variance
-        found = -0.5 * (square + np.log(variance / (error / observed) ** 2))
-    return np.where(np.isfinite(middle), found, -np.inf)
+
+@dataclass(frozen=True)
+class Median:
+    """A median of several sections observed, and what sets expect of its logarithm: [...]."""
+
+    entry: ObservedTable
+    middle: np.ndarray
+    variance: np.ndarray
+
+    @classmethod
+    def of(cls, entry: ObservedTable, days: np.ndarray) -> "Median":
+        """The expectation of sets with the intervals ``days`` [..., R].
+
+        The median of the set's own R realisations is known no better than they allow; that is in
+        the spread, and so in every conditioned band.
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            logs = np.log(np.where(np.isnan(days), np.inf, days))
+            ordered = np.sort(logs, axis=-1)
+            n = days.shape[-1]
+            low, middle, high = (ordered[..., min(n - 1, int(p * n))] for p in (0.16, 0.5, 0.84))
+            upper = np.where(np.isfinite(high), high, 2.0 * middle - low)
+            sd = np.maximum(0.5 * (upper - low), 1e-6)
+            square = (_MEDIAN_SPREAD * sd) ** 2 * (1.0 / entry.sections + 1.0 / n)
+            return cls(entry, middle, _of_error(entry) + square)
+
+    def log_likelihood(self, stretch: np.ndarray | None = None) -> np.ndarray:
+        """Log likelihood [...]; of days exp(``stretch`` [..., G]) times as long, [..., G]."""
+        middle, variance = self.middle, self.variance
+        if stretch is not None:
+            middle, variance = middle[..., None] + stretch, variance[..., None]
+        observed = self.entry.tamping_interval_days or 1.0
+        with np.errstate(invalid="ignore"):
+            square = (middle - np.log(observed)) ** 2 / variance
+            found = -0.5 * (square + np.log(variance / _of_error(self.entry)))
+        return np.where(np.isfinite(middle), found, -np.inf)
+
+
+def _of_error(entry: ObservedTable) -> float:
+    """Square of the relative error of an observed interval."""
+    return ((entry.error_days or 1.0) / (entry.tamping_interval_days or 1.0)) ** 2
 
 
 def log_mean(logs: np.ndarray) -> np.ndarray:
@@ -265,8 +318,8 @@ def log_mean(logs: np.ndarray) -> np.ndarray:
         return np.asarray(np.where(n > 0, total - np.log(np.maximum(n, 1)), -np.inf))
 
 
-def sd_on(history: pd.DataFrame, rows: pd.DataFrame, day: float) -> np.ndarray:
-    """SD [E, R] mm of every realisation on ``day``, linear between the days recorded.
+def sd_on(history: pd.DataFrame, rows: pd.DataFrame, day: np.ndarray | float) -> np.ndarray:
+    """SD [E, R] mm of every realisation on ``day`` (of each set: [E]), linear between the days recorded.
 
     Beyond its last day (the limit) a track goes on as steeply as it came there: what is observed
     there was not tamped either.
@@ -278,11 +331,15 @@ def sd_on(history: pd.DataFrame, rows: pd.DataFrame, day: float) -> np.ndarray:
     names = ordered[keys].to_numpy()
     starts = np.flatnonzero(np.any(np.diff(names, axis=0, prepend=-1) != 0, axis=1))
     ends = np.append(starts[1:], len(names))
-    found = {
-        tuple(names[a]): _at(days[a:b], sd[a:b], day) for a, b in zip(starts, ends, strict=True)
-    }
-    values = [found.get(tuple(key), np.nan) for key in order[keys].to_numpy()]
-    return np.array(values).reshape(order["parameter_set"].nunique(), -1)
+    held = {tuple(names[a]): slice(a, b) for a, b in zip(starts, ends, strict=True)}
+    n_sets = order["parameter_set"].nunique()
+    wanted = np.repeat(np.broadcast_to(day, n_sets), len(order) // n_sets)
+    parts = (held.get(tuple(key)) for key in order[keys].to_numpy())
+    values = [
+        np.nan if part is None else _at(days[part], sd[part], float(on))
+        for part, on in zip(parts, wanted, strict=True)
+    ]
+    return np.array(values).reshape(n_sets, -1)
 
 
 def _at(days: np.ndarray, sd: np.ndarray, day: float) -> float:

@@ -15,7 +15,7 @@ Depends on: errors, estimate.
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -31,12 +31,16 @@ class SetWeights:
     """Relative weights [E] of the parameter sets, and what they are for resampled tracks.
 
     ``of_tracks`` takes counts of the tracks [B, R] and gives the weights [B, E]; None: whatever the
-    tracks, they are the same.
+    tracks, they are the same. ``shift_of`` gives the logarithm [B, E] of the factor by which intervals
+    would have been longer, had the sets fitted their factors to those tracks (``refit``); what is
+    estimated goes as the ``exponent``-th power of the intervals.
     """
 
     values: np.ndarray
     of_tracks: Callable[[np.ndarray], np.ndarray] | None = None
     n_tracks: int = 0
+    shift_of: Callable[[np.ndarray], np.ndarray] | None = None
+    exponent: float = 0.0
 
     def given(self, counts: np.ndarray) -> np.ndarray:
         """Weights [B, E] where the tracks are there ``counts`` [B, R] times."""
@@ -44,8 +48,23 @@ class SetWeights:
             return np.broadcast_to(self.values, (len(counts), len(self.values)))
         return self.of_tracks(counts)
 
+    def factors(self, by_set: np.ndarray, by_track: np.ndarray) -> np.ndarray:
+        """What refitting makes of an estimate in every resample of sets [B, E] and tracks [B, R]."""
+        if self.shift_of is None or self.exponent == 0.0 or by_track.shape[1] != self.n_tracks:
+            return np.ones(len(by_set))
+        total = np.sum(by_set, axis=1)
+        shift = np.sum(by_set * self.shift_of(by_track), axis=1) / np.where(total > 0.0, total, 1.0)
+        return np.asarray(np.exp(self.exponent * shift))
+
 
 Weights = np.ndarray | SetWeights | None
+
+
+def as_interval(weights: Weights, exponent: float = 1.0) -> Weights:
+    """The weights for what goes as this power of the intervals."""
+    if isinstance(weights, SetWeights):
+        return replace(weights, exponent=exponent)
+    return weights
 
 
 def plain_weights(weights: Weights) -> np.ndarray | None:
@@ -62,7 +81,8 @@ def effective(weights: np.ndarray) -> float:
 class Resampling:
     """Weights of resampled sets [B, E] and tracks [B, R]; the first row is the sample itself.
 
-    ``sets_kept`` [B, E] are the weights of the same sets on the resampled tracks.
+    ``sets_kept`` [B, E] are the weights of the same sets on the resampled tracks, ``factors`` [B] those
+    by which an estimate would differ with the sets' settlement factors fitted to them.
 
     Parameters
     ----------
@@ -80,6 +100,7 @@ class Resampling:
         self.by_set, self.by_track = parts
         self.sizes = [float(n) for n in shape]
         self.sets_kept = np.ones_like(self.by_set)
+        self.factors = np.ones(len(self.by_set))
         if set_weights is not None:
             own = set_weights if isinstance(set_weights, SetWeights) else SetWeights(set_weights)
             weights = _checked(own.values, shape[0])
@@ -87,6 +108,7 @@ class Resampling:
             self.sets_kept = _levelled(own.given(self.by_track))
             self.sets_kept[0] = weights
             self.by_set = self.by_set * self.sets_kept
+            self.factors = own.factors(self.by_set, self.by_track)
         self.alpha = tail(self.sizes)
 
     def of_sets(self, chosen: np.ndarray) -> "Resampling":

@@ -5,8 +5,8 @@ between realisations (P5 to P95) is what differs between track sections and, in 
 inputs, between parameter sets; the standard error is what a larger sample would shrink. Where the study
 has observations, the same numbers with the parameter sets weighted by them stand beside (``observed``).
 
-Depends on: draws, errors, estimate, key_paths, nested, observed, place, resampling, store, study,
-study_schema, summary_spread, units.
+Depends on: draws, economics, errors, estimate, key_paths, nested, observed, place, refit, resampling,
+store, study, study_schema, summary_spread, units.
 """
 
 from collections.abc import Iterable, Iterator
@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from mcsettle import store
+from mcsettle import economics, store
 from mcsettle.draws import ParameterSet, all_sets
 from mcsettle.errors import InputError
 from mcsettle.estimate import LEVELS, Estimate, Statistic, summarise_effects, summarise_intervals
@@ -24,7 +24,8 @@ from mcsettle.key_paths import input_column
 from mcsettle.nested import crossed_bounded, crossed_effects, crossed_intervals
 from mcsettle.observed import Conditioning, InputBand, likelihood, weighted_bands
 from mcsettle.place import Folder, Place, Where, place
-from mcsettle.resampling import SetWeights, Weights, plain_weights
+from mcsettle.refit import refitted_weights
+from mcsettle.resampling import SetWeights, Weights, as_interval, plain_weights
 from mcsettle.study import Study, study_from_text
 from mcsettle.study_schema import ReferenceTable
 from mcsettle.summary_spread import effect_spread, interval_spread, matrix, sets_of
@@ -159,16 +160,18 @@ def summary_rows(results: Results) -> list[SummaryRow]:
     return [
         row
         for variant in results.study.variant_names
+        for weights in (_set_weights(results, variant),)
         for scenario in results.study.scenario_names
-        for row in _rows_of(results, variant, scenario)
+        for row in _rows_of(results, variant, scenario, weights)
     ]
 
 
-def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
+def _rows_of(
+    results: Results, variant: str, scenario: str, weights: SetWeights | None
+) -> Iterator[SummaryRow]:
     table = _part(results.realisations, variant, scenario)
     if table.empty or (table["status"] == "failed").all():
         return
-    weights = _set_weights(results, variant)
 
     def intervals(of_sets: Weights) -> list[Statistic]:
         return _intervals(table, INTERVAL, "censored_at_days", of_sets)
@@ -176,9 +179,10 @@ def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryR
     row = SummaryRow(variant, scenario, INTERVAL, "d", tuple(intervals(None)))
     row = replace(row, spread=tuple(interval_spread(results.study, results.members, table)))
     if weights is not None:
+        own = as_interval(weights)
         given = [
-            *intervals(weights),
-            *interval_spread(results.study, results.members, table, weights),
+            *intervals(own),
+            *interval_spread(results.study, results.members, table, own),
         ]
         row = replace(row, conditioned=_renamed(given))
     sound = table[table["status"] != "failed"]
@@ -190,16 +194,14 @@ def _rows_of(results: Results, variant: str, scenario: str) -> Iterator[SummaryR
 
 
 def _set_weights(results: Results, variant: str) -> SetWeights | None:
-    """Weights of the parameter sets given the observations; None without, or if they collapse.
-
-    A fitted factor has adapted to the tracks as they are; its weights are not computed anew for others.
-    """
+    """Weights of the parameter sets given the observations; None without, or if they collapse."""
     found = results.conditioning(variant)
     if found is None or not found.usable:
         return None
+    tables = results.realisations, results.history
     if variant in results.study.fitted:
-        return SetWeights(found.weights)
-    own = likelihood(results.study, variant, results.realisations, results.history)
+        return refitted_weights(results.study, variant, *tables, found.weights)
+    own = likelihood(results.study, variant, *tables)
     return replace(own.weights(), values=found.weights)
 
 
@@ -314,15 +316,29 @@ def _effect_rows(
     spreads = effect_spread(results.study, results.members, scenario, own, table)
     given: dict[str, list[Statistic]] = {}
     if weights is not None:
-        given = effect_spread(results.study, results.members, scenario, own, table, weights)
+        powered = as_interval(weights, _cost_exponent(results.study, own))
+        given = effect_spread(results.study, results.members, scenario, own, table, powered)
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
     for metric, unit in units.items():
+        power = _cost_exponent(results.study, own) if metric == "marginal_cost" else 0.0
         row = SummaryRow(variant, scenario, metric, unit, _effects(table, sets, metric, unit, None))
         row = replace(row, spread=tuple(spreads.get(metric, ())))
         if weights is not None:
-            found = [*_effects(table, sets, metric, unit, weights), *given.get(metric, ())]
+            powered = as_interval(weights, power)
+            found = [*_effects(table, sets, metric, unit, powered), *given.get(metric, ())]
             row = replace(row, conditioned=_renamed(found))
         yield _with_reference(results, row, table.assign(values=table[metric]), weights)
+
+
+def _cost_exponent(study: Study, own: pd.DataFrame) -> float:
+    """The power of the intervals that marginal costs go as, at the median interval of the baseline."""
+    prices = study.priced
+    if prices is None:
+        return 0.0
+    days = own.loc[own["scenario"] == prices.baseline, INTERVAL].median()
+    if not np.isfinite(days):
+        return 0.0
+    return economics.cost_exponent(prices.discount_rate, float(days) / DAYS_PER_YEAR)
 
 
 def _effects(

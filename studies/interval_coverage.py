@@ -23,6 +23,8 @@ from mcsettle.estimate import LEVELS, Estimate
 from mcsettle.factor_fit import draw_factor
 from mcsettle.line import line_means
 from mcsettle.observed import Likelihood, log_interval, log_mean, log_median
+from mcsettle.refit import weights_of_fits
+from mcsettle.resampling import as_interval
 from mcsettle.study_observed import ObservedTable
 
 OF_SET, OF_TRACK, OF_BOTH = 0.5, 0.4, 0.1  # log standard deviations of the rates
@@ -280,7 +282,13 @@ def conditioned_fitted(rng: np.random.Generator) -> Outcome:
         fit = draw_factor(likelihood, prior, float(share), 1.0)
         rows.append(np.exp(own) / fit.factor)
         logs.append(fit.log_evidence)
-    weights, days = np.exp(np.array(logs) - max(logs)), np.array(rows)
+    days = np.array(rows)
+
+    def longer(stretch: np.ndarray) -> Likelihood:
+        return Likelihood((), ((entry, np.exp(stretch)[:, None] * days),))
+
+    fitted = weights_of_fits(longer, np.exp(np.array(logs) - max(logs)), 64)
+    weights = as_interval(fitted)
     return [(nested.crossed_quantile(days, days, 0.5, "d", set_weights=weights), 697.0)]
 
 
