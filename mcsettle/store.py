@@ -13,9 +13,10 @@ Depends on: errors, files, manifest, parquet, place, provenance, tables.
 """
 
 import hashlib
+import itertools
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -45,6 +46,7 @@ from mcsettle.tables import TABLES, data_dictionary, schema_of
 Values = Sequence[Any] | np.ndarray
 
 DICTIONARY = "data_dictionary.csv"
+AT_A_TIME = 64  # shards held as they were read
 
 
 def prepare(folder: Where, provenance: Provenance, finished: bool = False) -> None:
@@ -189,9 +191,9 @@ def read(folder: Where, table: str) -> pa.Table:
         refuse_strays(at, names, [name for name in listed if name.startswith(f"{table}/")])
     if not names:
         raise InputError(f"'{at}' holds no table '{table}'; run the study first")
-    parts = [_shard(sound(at, name, listed), f"{at}/{name}", table, provenance) for name in names]
+    parts = (_shard(sound(at, name, listed), f"{at}/{name}", table, provenance) for name in names)
     try:
-        data = pa.concat_tables(parts)
+        data = _joined(parts)
     except pa.ArrowInvalid as error:
         raise InputError(f"table '{table}' of '{at}' has shards of different columns") from error
     keys = TABLES[table].keys
@@ -254,6 +256,14 @@ def finish(folder: Where) -> None:
     manifest = {"schema_version": FORMAT, "provenance": asdict(provenance), "files": files}
     at.write(MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
     at.tidy()
+
+
+def _joined(parts: Iterator[pa.Table]) -> pa.Table:
+    """Shards as one table, few held as they are: each has a copy of all columns' units and meanings."""
+    found = []
+    while some := list(itertools.islice(parts, AT_A_TIME)):
+        found.append(pa.concat_tables(some).combine_chunks())
+    return pa.concat_tables(found)
 
 
 def _shard(data: bytes, where: str, table: str, provenance: Provenance) -> pa.Table:
