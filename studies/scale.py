@@ -1,7 +1,7 @@
 """What sharing a run costs: seconds of one process, two parts, two Dask workers; memory by shards.
 
     python studies/scale.py walls                             some minutes; on a quiet machine
-    python studies/scale.py walls --rows 448 --shards 20      shards of 30 s; 20 minutes
+    python studies/scale.py walls --rows 480 --shards 12      shards of half a minute; 15 minutes
     python studies/scale.py memory                            50, 500 and 2000 shards; ten minutes
 
 The study is ``toy.toml`` train by train, so a shard of few rows takes seconds; everything runs with one
