@@ -24,7 +24,14 @@ from mcsettle.case import Case, Outcome
 from mcsettle.distributions import Distribution
 from mcsettle.draws import ParameterSet
 from mcsettle.fits import Fit, read_fits, with_fits, write_fits
-from mcsettle.observed import log_interval, log_mean, log_median, log_sd, sections_of
+from mcsettle.observed import (
+    FIT_TRACKS,
+    log_interval,
+    log_mean,
+    log_median,
+    log_sd,
+    sections_of,
+)
 from mcsettle.place import Place
 from mcsettle.scene import build_case, initial_profiles
 from mcsettle.step_a import Progress, Shelf, StepA, step_a
@@ -35,7 +42,7 @@ from mcsettle.study_uncertain import UncertainTable
 from mcsettle.units import MM
 
 COARSE, FEW_TRACKS = 13, 16  # factors over the whole prior, tracks of each (whatever the run has)
-FINE, MOST_TRACKS = 9, 64  # factors across the posterior
+FINE = 9  # factors across the posterior
 CELLS = 400  # of the grid on which the posterior is integrated
 NEGLIGIBLE = 1e-5  # share of the posterior left out at each end of the fine grid
 FAR = 8.0  # errors beyond every observed SD a track is followed no further
@@ -99,7 +106,7 @@ def draw_factor(
     the model at ``logs``.
     """
     low, high = (float(np.log(end)) for end in prior.ends)
-    for n_factors, n_tracks in ((COARSE, FEW_TRACKS), (FINE, MOST_TRACKS)):
+    for n_factors, n_tracks in ((COARSE, FEW_TRACKS), (FINE, FIT_TRACKS)):
         logs = np.linspace(low, high, n_factors)
         cells = np.linspace(low, high, CELLS + 1)
         middle = 0.5 * (cells[1:] + cells[:-1])

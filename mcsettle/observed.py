@@ -34,6 +34,7 @@ FEW = 20.0  # effective sets below which conditioned numbers come with a warning
 TOO_FEW = 4.0  # and below which there are none
 IMPOSSIBLE = -1e4  # log likelihood of observations a hundred standard errors off
 INTERVAL = "tamping_interval_days"
+FIT_TRACKS = 64  # realisations, the first of a run, that a set fits its factor on
 _MEDIAN_SPREAD = float(np.sqrt(0.5 * np.pi))  # standard error of a median, times √n, over the sd
 
 

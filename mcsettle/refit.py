@@ -12,7 +12,7 @@ is how far the fit of set e would have moved on resampled tracks, and the integr
 evidence, in proportion to which the weight of the set changes. The prior is taken as flat in log(factor)
 across the posterior.
 
-Depends on: factor_fit, observed, resampling, study.
+Depends on: observed, resampling, study.
 """
 
 from collections.abc import Callable
@@ -20,8 +20,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from mcsettle.factor_fit import MOST_TRACKS
-from mcsettle.observed import Likelihood, likelihood
+from mcsettle.observed import FIT_TRACKS, Likelihood, likelihood
 from mcsettle.resampling import SetWeights
 from mcsettle.study import Study
 
@@ -48,8 +47,8 @@ def refitted_weights(
     values : ndarray, shape [E], by the evidence of the fits
     """
     n_tracks = int(realisations["realisation"].nunique())
-    used = realisations[realisations["realisation"] < MOST_TRACKS]
-    past = history if history.empty else history[history["realisation"] < MOST_TRACKS]
+    used = realisations[realisations["realisation"] < FIT_TRACKS]
+    past = history if history.empty else history[history["realisation"] < FIT_TRACKS]
 
     def at(stretch: np.ndarray) -> Likelihood:
         return likelihood(study, variant, used, past, stretch)
@@ -66,7 +65,7 @@ def weights_of_fits(
 
     def fits(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Posterior mean of δ, and log evidence, both [B, E]."""
-        own = counts[:, :MOST_TRACKS]
+        own = counts[:, :FIT_TRACKS]
         key = own.tobytes()
         if key not in known:  # every number of a summary resamples the same way
             known.clear()

@@ -256,7 +256,7 @@ def test_sets_that_share_their_rows(tmp_path, in_process, monkeypatch):
 
 def test_fitted_factors_reach_the_workers(tmp_path, in_process, monkeypatch):
     """A factor fitted in every set: the workers use the fits that lie in the folder."""
-    monkeypatch.setattr(factor_fit, "MOST_TRACKS", 8)
+    monkeypatch.setattr(factor_fit, "FIT_TRACKS", 8)
     monkeypatch.setattr(factor_fit, "FEW_TRACKS", 4)
     observed = [{**test_observed.INTERVAL, "sections": 200}]
     study = toy.uncertain(toy.N0, test_observed.FACTOR, observed=observed)

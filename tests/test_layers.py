@@ -93,6 +93,7 @@ LAYERS = (
     (
         "draws",
         "observed",
+        "refit",
         "study_grounds",
         "near_critical",
         "step_a",

@@ -231,7 +231,7 @@ def test_observations_decide_a_run_only_where_something_is_fitted_to_them():
 @pytest.fixture(scope="module")
 def few_tracks():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(factor_fit, "MOST_TRACKS", 24)
+        patch.setattr(factor_fit, "FIT_TRACKS", 24)
         yield
 
 
