@@ -91,19 +91,15 @@ def weights_of_fits(
 def _grid(at: Callable[[np.ndarray], Likelihood], n_sets: int) -> np.ndarray:
     """Values of δ [E, G] across the posterior of every set on its tracks as they are."""
     centre, half = np.zeros(n_sets), np.full(n_sets, WIDEST)
-    for last in (False,) * (PASSES - 1) + (True,):
-        grid = centre[:, None] + half[:, None] * np.linspace(-1.0, 1.0, POINTS)
-        if last:
-            break
+    unit = np.linspace(-1.0, 1.0, POINTS)
+    for _ in range(PASSES - 1):
+        grid = centre[:, None] + half[:, None] * unit
         logs = np.stack([_plain(at(delta)) for delta in grid.T], axis=1)
         mean, _, sd = _moments(grid, logs)
-        step = grid[:, 1] - grid[:, 0]
-        sound = np.isfinite(
-            mean
-        )  # a set that no factor brings near the observations stays as it is
+        sound = np.isfinite(mean)  # else no factor brings the set near the observations
         centre = np.where(sound, mean, centre)
-        half = np.where(sound, np.maximum(REACH * sd, 1.5 * step), half)
-    return grid
+        half = np.where(sound, np.maximum(REACH * sd, 3.0 * half / (POINTS - 1)), half)
+    return centre[:, None] + half[:, None] * unit
 
 
 def _plain(found: Likelihood) -> np.ndarray:
