@@ -9,7 +9,7 @@ Depends on: nothing of the package.
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +25,7 @@ Kind = Literal[
     "seed_idriss_upper",
 ]
 
-KINDS: tuple[Kind, ...] = (
-    "constant",
-    "ishibashi_zhang",
-    "vucetic_dobry",
-    "darendeli",
-    "menq",
-    "seed_idriss_mean",
-    "seed_idriss_upper",
-)
+KINDS: tuple[Kind, ...] = get_args(Kind)
 ATMOSPHERE = 101.3e3  # Pa
 SMALLEST_STRAIN = 1e-8  # below it no curve changes
 CYCLES = 10.0  # Darendeli's and Menq's number of cycles
