@@ -222,6 +222,19 @@ def test_one_censored_scenario_states_no_cost(tmp_path: Path) -> None:
     assert "41 of 82 realisations had not reached" in text
 
 
+def test_a_minority_of_tracks_states_no_cost(tmp_path: Path) -> None:
+    """Few of the tracks reach the limit in both scenarios: those that do are not like the others."""
+    later = np.where(np.arange(41) < 5, 0.8 * DAYS, np.nan)
+    folder = made_run.write(tmp_path / "run", made_run.study(), {"v201": DAYS, "v225": later})
+    first = page_of(folder)
+    first = first[: first.index("<nav")]
+    assert "no cost can be stated, 5 of 41 tracks reach the limit in both scenarios" in first
+    assert "The answer in charging units" not in first
+    most = np.where(np.arange(41) < 36, 0.8 * DAYS, np.nan)
+    folder = made_run.write(tmp_path / "most", made_run.study(), {"v201": DAYS, "v225": most})
+    assert "no cost can be stated" not in page_of(folder)
+
+
 def test_one_realisation_one_scenario_failed_rows(tmp_path: Path) -> None:
     one = {"v201": [697.0], "v225": [568.0]}
     text = page_of(made_run.write(tmp_path / "one", made_run.study(), one))

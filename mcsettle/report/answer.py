@@ -17,6 +17,7 @@ from mcsettle.report.words import (
     band,
     cut,
     level,
+    mostly_known,
     number,
     unit_words,
 )
@@ -102,6 +103,12 @@ def _sentence(material: Material, scenario: str) -> str:
     main = next((c for c in shown if "1000 gross tonne" in c.unit), shown[0] if shown else None)
     if main is None or main.row.at(0.5).value is None:
         return f"{head}: no cost can be stated, too few tracks reach the limit in both scenarios."
+    if not mostly_known(main.row):
+        found = main.row.at(0.5)
+        return (
+            f"{head}: no cost can be stated, {found.n - found.n_censored} of {found.n} tracks reach the "
+            "limit in both scenarios, and those are not like the others."
+        )
     unit = main.unit.removeprefix("£ ")
     plural = "cost" if " more trains a day" in head else "costs"
     text = f"{head} {plural} £{level(main.row, 0.5, main.factor)} {unit} of tamping"
@@ -115,7 +122,7 @@ def _sentence(material: Material, scenario: str) -> str:
 def _table(material: Material) -> Table | None:
     rows: list[tuple[str, ...]] = []
     for scenario in material.compared:
-        found = charges(material, scenario)
+        found = [charge for charge in charges(material, scenario) if mostly_known(charge.row)]
         if found:
             rows.append((what_changes(material, scenario),))
             rows += [(charge.unit, *_cells(charge)) for charge in found]

@@ -1,6 +1,6 @@
 """From the tables of a run to what its pictures show.
 
-Depends on: estimate, report.material, scipy, units, views.results.
+Depends on: estimate, report.material, report.words, scipy, units, views.results.
 """
 
 import warnings
@@ -12,6 +12,7 @@ from scipy import stats
 
 from mcsettle.estimate import interval_quantile
 from mcsettle.report.material import Material
+from mcsettle.report.words import mostly_known
 from mcsettle.units import DAYS_PER_YEAR
 from mcsettle.views.results import Convergence, Fan, Rate, Spread, Survival
 
@@ -88,7 +89,8 @@ def spreads(material: Material, metric: str, density: bool = False) -> list[Spre
         values = _floats(table, metric) if not table.empty else np.zeros(0)
         values = values[np.isfinite(values)]
         quantiles = None
-        if len(values) and row is not None and row.at(0.5).value is not None:
+        shown = row is not None and row.at(0.5).value is not None and mostly_known(row)
+        if len(values) and shown:
             quantiles = tuple(float(q) for q in np.quantile(values, LEVELS))
         published = row.reference.value if row is not None and row.reference else None
         curve = _density(values) if density else None

@@ -71,6 +71,12 @@ def level(row: SummaryRow, at: float, factor: float = 1.0) -> str:
     return number(None if value is None else value * factor, places)
 
 
+def mostly_known(row: SummaryRow) -> bool:
+    """Whether ``row`` is of most tracks: a median over a minority says nothing of the line."""
+    found = row.at(0.5)
+    return 2 * found.n_censored <= found.n
+
+
 def with_error(estimate: Estimate, places: int | None = None) -> str:
     """Value ± standard error, to two digits of the error."""
     error, value = estimate.standard_error, estimate.value
