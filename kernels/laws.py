@@ -7,7 +7,6 @@ import numpy as np
 import taichi as ti
 from numpy.polynomial import Chebyshev, Polynomial
 
-LARGEST_EXPONENT = 10.0
 # Bits of a number in double precision: where its exponent begins, √½, and 1.5 · 2^52, adding which
 # rounds to an integer that is then found in the low bits; the same in single precision.
 EXPONENT, ROOT, ROUND = 52, 0x3FE6A09E667F3BCD, 1.5 * 2.0**52
@@ -35,20 +34,14 @@ EXP_TERMS_32 = _fit(np.exp2, 5, -0.5, 0.5)
 
 
 @ti.func
-def strain_power(q2: ti.f64, exponent: ti.f64) -> ti.f64:
-    """σ_d^m from q2 = σ_d² ≥ 0 and the exponent m ≤ LARGEST_EXPONENT of Eq. (1) or (2).
-
-    2^(m/2 log2 q2) by series, without calls or branches, so that loops over lanes vectorise; relative
-    error some 1e-13 (tests). Zero gives next to nothing. A loop that takes the logarithm and another
-    that takes the power of two are quicker than one: each operation waits for the one before, and of
-    shorter chains the processor holds more at a time.
-    """
-    return power_of_two(0.5 * exponent * binary_logarithm(q2))
-
-
-@ti.func
 def binary_logarithm(q2: ti.f64) -> ti.f64:
-    """log2 of q2 ≥ 0 (of 0: some −200)."""
+    """log2 of q2 = σ_d² ≥ 0 (of 0: some −200).
+
+    σ_d^m of Eqs. (1) and (2) is 2^(m/2 log2 q2), m ≤ 10, by series, without calls or
+    branches, so that loops over lanes vectorise; relative error some 1e-13 (tests). A loop that takes
+    the logarithm and another that takes the power of two are quicker than one: each operation waits
+    for the one before, and of shorter chains the processor holds more at a time.
+    """
     # x = 2^e f with f between √½ and √2
     offset = ti.bit_cast(q2 + 1e-60, ti.i64) + ti.i64((1023 << EXPONENT) - ROOT)
     f = ti.bit_cast((offset & ti.i64((1 << EXPONENT) - 1)) + ti.i64(ROOT), ti.f64)
@@ -67,14 +60,8 @@ def power_of_two(y: ti.f64) -> ti.f64:
 
 
 @ti.func
-def strain_power_32(q2: ti.f32, exponent: ti.f32) -> ti.f32:
-    """``strain_power`` in single precision, relative error some 1e-6 (tests)."""
-    return power_of_two_32(ti.f32(0.5) * exponent * binary_logarithm_32(q2))
-
-
-@ti.func
 def binary_logarithm_32(q2: ti.f32) -> ti.f32:
-    """``binary_logarithm`` in single precision."""
+    """``binary_logarithm`` in single precision; σ_d^m to some 1e-6 (tests)."""
     one = ti.f32(1.0)
     offset = ti.bit_cast(q2 + ti.f32(1e-30), ti.i32) + ti.i32((127 << EXPONENT_32) - ROOT_32)
     f = ti.bit_cast((offset & ti.i32((1 << EXPONENT_32) - 1)) + ti.i32(ROOT_32), ti.f32)

@@ -283,6 +283,9 @@ def add_power(p: int, begin: int, m: float, rows: ti.template(), w: ti.template(
             w[p, i + 3, lane] = x3
             w[p, i + 3 + im, lane] = y3
     half = ti.cast(0.5 * m, w.dtype)
+    single = ti.static(w.dtype == ti.f32)
+    logarithm = ti.static(binary_logarithm_32 if single else binary_logarithm)
+    power = ti.static(power_of_two_32 if single else power_of_two)
     for n in range(rows.points // 4):
         i = (begin + n) & POINTS
         for lane in range(w.shape[2]):
@@ -290,21 +293,11 @@ def add_power(p: int, begin: int, m: float, rows: ti.template(), w: ti.template(
             y = w[p, i + im, lane]
             a = w[p, i + s0, lane] + x * x
             b = w[p, i + s1, lane] + y * y
-            if ti.static(w.dtype == ti.f32):
-                w[p, i + s0, lane] = half * binary_logarithm_32(a)
-                w[p, i + s1, lane] = half * binary_logarithm_32(b)
-            else:
-                w[p, i + s0, lane] = half * binary_logarithm(a)
-                w[p, i + s1, lane] = half * binary_logarithm(b)
+            w[p, i + s0, lane] = half * logarithm(a)
+            w[p, i + s1, lane] = half * logarithm(b)
         for lane in range(w.shape[2]):
-            a = w[p, i + s0, lane]
-            b = w[p, i + s1, lane]
-            if ti.static(w.dtype == ti.f32):
-                a = power_of_two_32(a)
-                b = power_of_two_32(b)
-            else:
-                a = power_of_two(a)
-                b = power_of_two(b)
+            a = power(w[p, i + s0, lane])
+            b = power(w[p, i + s1, lane])
             w[p, i + s, lane] = w[p, i + s, lane] + w[p, weights, lane] * (a + b)
 
 
