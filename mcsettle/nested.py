@@ -309,20 +309,9 @@ def _counted(chosen: np.ndarray, drawn: Resampling) -> np.ndarray:
 
 def _weight_below(values: np.ndarray, bounds: np.ndarray, drawn: Resampling) -> np.ndarray:
     """Weight [B] of the rows [E, R] up to the bound [B] of each resample."""
-    flat = values.ravel()
-    order = np.argsort(flat, kind="stable")
-    order = order[np.isfinite(flat[order])]
-    own_set, own_track = np.unravel_index(order, values.shape)
-    at = np.searchsorted(flat[order], bounds, side="right")
-    found = np.zeros(len(bounds))
-    step = max(1, CHUNK // max(len(order), 1))
-    for first in range(0, len(bounds), step):
-        part = slice(first, min(first + step, len(bounds)))
-        weights = drawn.by_set[part].take(own_set, axis=1)
-        weights *= drawn.by_track[part].take(own_track, axis=1)
-        reached = np.pad(np.cumsum(weights, axis=1), ((0, 0), (1, 0)))
-        found[part] = np.take_along_axis(reached, at[part, None], axis=1)[:, 0]
-    return found
+    known = np.isfinite(values)
+    parts = zip(drawn.by_set, bounds, drawn.by_track, strict=True)
+    return np.array([sets @ (known & (values <= x)) @ tracks for sets, x, tracks in parts])
 
 
 def _number(value: float | None) -> float | None:

@@ -16,7 +16,6 @@ weights favour, their tracks are any.
 Depends on: errors, estimate, resampling, study, study_observed.
 """
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -26,7 +25,7 @@ from scipy import special
 
 from mcsettle.errors import InputError
 from mcsettle.estimate import LEVELS
-from mcsettle.resampling import SetWeights, effective
+from mcsettle.resampling import SetWeights, effective, remembered
 from mcsettle.study import Study
 from mcsettle.study_observed import ObservedTable
 
@@ -174,17 +173,8 @@ class Likelihood:
 
     def weights(self) -> SetWeights:
         """Weights of the sets, computed anew for resampled tracks."""
-        n_tracks = self.n_tracks
-        known: dict[bytes, np.ndarray] = {}
-
-        def given(counts: np.ndarray) -> np.ndarray:
-            key = hashlib.sha256(counts.tobytes()).digest()
-            if key not in known:  # every number of a summary resamples the same way
-                known.clear()
-                known[key] = _relative(self.of_tracks(counts))
-            return known[key]
-
-        return SetWeights(given(np.ones((1, n_tracks)))[0], given, n_tracks)
+        given = remembered(lambda counts: _relative(self.of_tracks(counts)))
+        return SetWeights(given(np.ones((1, self.n_tracks)))[0], given, self.n_tracks)
 
 
 def likelihood(

@@ -15,13 +15,13 @@ across the posterior.
 Depends on: observed, resampling, study.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
 
 from mcsettle.observed import FIT_TRACKS, Likelihood, likelihood
-from mcsettle.resampling import SetWeights
+from mcsettle.resampling import SetWeights, remembered
 from mcsettle.study import Study
 
 POINTS = 25  # of the grid of δ of each set
@@ -61,20 +61,17 @@ def weights_of_fits(
 ) -> SetWeights:
     """``refitted_weights`` for a likelihood by days that are exp(δ) as long, ``at(δ [E])``."""
     grid = _grid(at, len(values))
-    known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+    base, along = at(np.zeros(len(values))), [at(delta) for delta in grid.T]
 
-    def fits(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def fits_of(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Posterior mean of δ, and log evidence, both [B, E]."""
         own = counts[:, :FIT_TRACKS]
-        key = own.tobytes()
-        if key not in known:  # every number of a summary resamples the same way
-            known.clear()
-            step = max(1, LARGEST // grid.size)
-            parts = [_fits(at, grid, own[b : b + step]) for b in range(0, len(own), step)]
-            means, logs = (np.concatenate(part) for part in zip(*parts, strict=True))
-            known[key] = means, logs
-        return known[key]
+        step = max(1, LARGEST // grid.size)
+        parts = [_fits(base, along, grid, own[b : b + step]) for b in range(0, len(own), step)]
+        means, logs = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return means, logs
 
+    fits = remembered(fits_of)
     first = [part[0] for part in fits(np.ones((1, n_tracks)))]
 
     def of_tracks(counts: np.ndarray) -> np.ndarray:
@@ -108,14 +105,17 @@ def _plain(found: Likelihood) -> np.ndarray:
 
 
 def _fits(
-    at: Callable[[np.ndarray], Likelihood], grid: np.ndarray, counts: np.ndarray
+    base: Likelihood, along: Sequence[Likelihood], grid: np.ndarray, counts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Posterior mean and log evidence [B, E] over the grid [E, G] where tracks count ``counts``."""
+    """Posterior mean and log evidence [B, E] where tracks count ``counts``.
+
+    ``along`` are the likelihoods at every δ of the grid [E, G], ``base`` that of the days as they are.
+    """
     logs = np.zeros((len(counts), *grid.shape))
-    for g, delta in enumerate(grid.T):
-        logs[:, :, g] = at(delta).of_sections(counts)
-    for medians in at(np.zeros(len(grid))).of_medians(counts):
-        logs += medians.log_likelihood(grid)
+    for g, found in enumerate(along):
+        logs[:, :, g] = found.of_sections(counts)
+    for median in base.of_medians(counts):
+        logs += median.log_likelihood(grid)
     mean, log_evidence, _ = _moments(grid, logs)
     return mean, log_evidence
 

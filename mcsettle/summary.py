@@ -315,17 +315,16 @@ def _effect_rows(
     sets = sets_of(results.realisations)
     spreads = effect_spread(results.study, results.members, scenario, own, table)
     given: dict[str, list[Statistic]] = {}
+    priced = as_interval(weights, _cost_exponent(results.study, own))
     if weights is not None:
-        powered = as_interval(weights, _cost_exponent(results.study, own))
-        given = effect_spread(results.study, results.members, scenario, own, table, powered)
+        given = effect_spread(results.study, results.members, scenario, own, table, priced)
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
     for metric, unit in units.items():
-        power = _cost_exponent(results.study, own) if metric == "marginal_cost" else 0.0
         row = SummaryRow(variant, scenario, metric, unit, _effects(table, sets, metric, unit, None))
         row = replace(row, spread=tuple(spreads.get(metric, ())))
         if weights is not None:
-            powered = as_interval(weights, power)
-            found = [*_effects(table, sets, metric, unit, powered), *given.get(metric, ())]
+            of_sets = priced if metric == "marginal_cost" else weights
+            found = [*_effects(table, sets, metric, unit, of_sets), *given.get(metric, ())]
             row = replace(row, conditioned=_renamed(found))
         yield _with_reference(results, row, table.assign(values=table[metric]), weights)
 

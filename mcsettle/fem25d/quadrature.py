@@ -32,10 +32,8 @@ class Quadrature:
     points: int
 
     @cached_property
-    def both_signs(
-        self,
-    ) -> tuple[np.ndarray, np.ndarray]:  # one object, by which others keep phases
-        """Nodes and weights [2 P n] rad/m over [-k_max, k_max]."""
+    def both_signs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes and weights [2 P n] rad/m over [-k_max, k_max]; one object: others keep phases by it."""
         return (
             np.concatenate([-self.nodes[::-1], self.nodes]),
             np.concatenate([self.weights[::-1], self.weights]),
