@@ -230,6 +230,7 @@ def test_a_minority_of_tracks_states_no_cost(tmp_path: Path) -> None:
     first = first[: first.index("<nav")]
     assert "no cost can be stated, 5 of 41 tracks reach the limit in both scenarios" in first
     assert "The answer in charging units" not in first
+    assert "Charge table" not in page_of(folder)
     most = np.where(np.arange(41) < 36, 0.8 * DAYS, np.nan)
     folder = made_run.write(tmp_path / "most", made_run.study(), {"v201": DAYS, "v225": most})
     assert "no cost can be stated" not in page_of(folder)

@@ -1,11 +1,12 @@
 """The first page: what is asked, the answer in charging units, what its band contains, one picture.
 
-Depends on: figures.results, figures.style, report.charging, report.curves, report.material,
+Depends on: estimate, figures.results, figures.style, report.charging, report.curves, report.material,
 report.page, report.words.
 """
 
 from collections.abc import Iterator
 
+from mcsettle.estimate import Estimate
 from mcsettle.figures.results import spreads_figure, survival_figure
 from mcsettle.report.charging import Charge, MarginalTrain, charges, marginal_train
 from mcsettle.report.curves import spreads, survivals
@@ -17,7 +18,6 @@ from mcsettle.report.words import (
     band,
     cut,
     level,
-    mostly_known,
     number,
     unit_words,
 )
@@ -102,13 +102,9 @@ def _sentence(material: Material, scenario: str) -> str:
     # The unit of charges per tonne if the scenario has it, else its own.
     main = next((c for c in shown if "1000 gross tonne" in c.unit), shown[0] if shown else None)
     if main is None or main.row.at(0.5).value is None:
-        return f"{head}: no cost can be stated, too few tracks reach the limit in both scenarios."
-    if not mostly_known(main.row):
-        found = main.row.at(0.5)
-        return (
-            f"{head}: no cost can be stated, {found.n - found.n_censored} of {found.n} tracks reach the "
-            "limit in both scenarios, and those are not like the others."
-        )
+        row = material.row(scenario, "marginal_cost")
+        found = "too few" if row is None else _share_known(row.at(0.5))
+        return f"{head}: no cost can be stated, {found} tracks reach the limit in both scenarios."
     unit = main.unit.removeprefix("£ ")
     plural = "cost" if " more trains a day" in head else "costs"
     text = f"{head} {plural} £{level(main.row, 0.5, main.factor)} {unit} of tamping"
@@ -119,10 +115,14 @@ def _sentence(material: Material, scenario: str) -> str:
     return text
 
 
+def _share_known(found: Estimate) -> str:
+    return f"{found.n - found.n_censored} of {found.n}"
+
+
 def _table(material: Material) -> Table | None:
     rows: list[tuple[str, ...]] = []
     for scenario in material.compared:
-        found = [charge for charge in charges(material, scenario) if mostly_known(charge.row)]
+        found = charges(material, scenario)
         if found:
             rows.append((what_changes(material, scenario),))
             rows += [(charge.unit, *_cells(charge)) for charge in found]

@@ -5,13 +5,14 @@ tonnage as the driver its cost per train-km is its mass times the cost per tonne
 the driver it is the train of the baseline, and its cost is the marginal cost per km/h times the
 difference of the speeds.
 
-Depends on: study, summary, report.material, units.
+Depends on: study, summary, report.material, report.words, units.
 """
 
 from dataclasses import dataclass
 
 from mcsettle.estimate import Estimate
 from mcsettle.report.material import Material
+from mcsettle.report.words import mostly_known
 from mcsettle.study import Study
 from mcsettle.summary import SummaryRow
 from mcsettle.units import TONNE
@@ -73,10 +74,10 @@ def marginal_train(study: Study, scenario: str) -> MarginalTrain | None:
 
 
 def charges(material: Material, scenario: str) -> list[Charge]:
-    """The marginal cost of ``scenario`` in every unit that it has."""
+    """The marginal cost of ``scenario`` in every unit that it has; none of a minority of the tracks."""
     study, row = material.study, material.row(scenario, "marginal_cost")
     change = study.change(scenario)
-    if row is None or change is None:
+    if row is None or change is None or not mostly_known(row):
         return []
     train = marginal_train(study, scenario)
     km, length = (KM_PER_MILE, "mile") if material.miles else (1.0, "km")

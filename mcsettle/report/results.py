@@ -149,6 +149,8 @@ def charge_blocks(material: Material) -> Iterator[Block]:
             f"{prices(material)}. A price list for a line takes the mean."
         )
         yield Table("Charge table", ("unit", "P50", "P5 to P95", "mean"), tuple(rows), 1, note)
+    elif any(marginal_train(material.study, scenario) for scenario in material.compared):
+        yield Text("Too few tracks reach the limit in both scenarios: no cost is stated.", "note")
     else:
         yield Text("No scenario differs from the baseline by a single kind of train.", "note")
     yield from _literature(material)
