@@ -8,7 +8,7 @@ cover more, not less. ``WRONG`` are estimators that must not pass the same test.
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from types import SimpleNamespace
@@ -404,15 +404,25 @@ WRONG = (
 )
 
 
+def outcomes(experiment: Experiment, n: int) -> Iterator[Outcome]:
+    """What ``n`` experiments give."""
+    return (experiment.run(np.random.default_rng([2026, seed])) for seed in range(n))
+
+
+def width(experiment: Experiment, n: int) -> float:
+    """Width of the first interval over what 95 % of normal estimates with their scatter would span."""
+    found = [outcome[0][0] for outcome in outcomes(experiment, n)]
+    closed = [e.upper - e.lower for e in found if e.lower is not None and e.upper is not None]
+    scatter = np.std([e.value for e in found if e.value is not None])
+    return float(np.mean(closed) / (2.0 * stats.norm.ppf(0.975) * scatter))
+
+
 def coverage(experiment: Experiment, n: int) -> tuple[float, float]:
     """Share of ``n`` experiments whose intervals hold the truth, and its standard error.
 
     Estimates of one experiment share their sample: the error is that of the experiments' means.
     """
-    hits = []
-    for seed in range(n):
-        found = experiment.run(np.random.default_rng([2026, seed]))
-        hits.append(np.mean([_holds(*pair) for pair in found]))
+    hits = [np.mean([_holds(*pair) for pair in found]) for found in outcomes(experiment, n)]
     least = np.sqrt(0.95 * 0.05 / n)  # that of a nominal interval, if all of few happen to hold
     return float(np.mean(hits)), max(float(np.std(hits) / np.sqrt(n)), float(least))
 
@@ -435,10 +445,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--experiments", type=int, default=400)
     parser.add_argument("--only", default="", help="experiments whose name holds this")
+    parser.add_argument(
+        "--widths", action="store_true", help="their widths over the scatter instead"
+    )
     asked = parser.parse_args()
-    print("| interval | covers |\n|---|---|")
+    print(f"| interval | {'width over scatter' if asked.widths else 'covers'} |\n|---|---|")
     for experiment in (*EXPERIMENTS, *WRONG):
-        if asked.only in experiment.name:
+        if asked.only not in experiment.name:
+            continue
+        if asked.widths:
+            print(f"| {experiment.name} | {width(experiment, asked.experiments):.2f} |", flush=True)
+        else:
             share, error = coverage(experiment, asked.experiments)
             print(f"| {experiment.name} | {share:.1%} ± {error:.1%} |", flush=True)
 
