@@ -2,10 +2,6 @@
 
 Everything heavy is imported inside the command that needs it, so that ``--help`` stays quick.
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
-
-Depends on: cli.edge, cli.reports, typer; inside the commands: doctor, errors, ground_report, life,
-study, summary, tornado, track_pictures, track_report, validate, cli.checks, cli.fitting, cli.grounds,
-cli.maintenance, cli.pictures, cli.record, cli.runs, cli.spread, cli.views.
 """
 
 from pathlib import Path
@@ -13,7 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from mcsettle.cli.edge import (
+from mcsettle.cli.report import compare, export, report
+from mcsettle.cli.terminal import (
     FAILED,
     Progress,
     checked_folder,
@@ -26,7 +23,6 @@ from mcsettle.cli.edge import (
     together,
     with_cache,
 )
-from mcsettle.cli.reports import compare, export, report
 
 app = typer.Typer(
     name="mcsettle",
@@ -69,7 +65,7 @@ def init(
 
 def _warn(study: Any) -> None:
     """Tell what is worth a second look in a sound study."""
-    from mcsettle.factor_origin import factor_warnings
+    from mcsettle.run.factor_digest import factor_warnings
 
     for warning in (*study.warnings, *factor_warnings(study)):
         talk(f"warning: {warning}")
@@ -84,8 +80,8 @@ def check(
     ] = False,
 ) -> None:
     """Validate a study without running it: all faults at once."""
-    from mcsettle.cli.views import study_lines
-    from mcsettle.study import load_study, resolved_toml
+    from mcsettle.cli.summarise import study_lines
+    from mcsettle.study.study import load_study, resolved_toml
 
     loaded = load_study(study)
     _warn(loaded)
@@ -100,7 +96,7 @@ def schema() -> None:
     """Print the JSON Schema of study files, for editors."""
     import json
 
-    from mcsettle.study import json_schema
+    from mcsettle.study.study import json_schema
 
     typer.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 
@@ -154,8 +150,8 @@ def run(
 
     Several studies run one after the other, each into a folder of its file's name under DIR.
     """
-    from mcsettle.cli import runs
-    from mcsettle.study import load_study
+    from mcsettle.cli import run as runs
+    from mcsettle.study.study import load_study
 
     with_cache(cache)
     folders = own_folders(studies, out)
@@ -195,13 +191,13 @@ def plan(
     json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Say what a run will take: realisations, memory, disk, time, from a short probe."""
-    from mcsettle.study import load_study
+    from mcsettle.study.study import load_study
 
     loaded = load_study(study)
     for warning in loaded.warnings:
         talk(f"warning: {warning}")
-    from mcsettle.cli.planning import plan_json, plan_text
-    from mcsettle.plan import plan as plan_of
+    from mcsettle.cli.plan import plan_json, plan_text
+    from mcsettle.run.plan import plan as plan_of
 
     asked = loaded.with_run(realisations, None, "every_axle" if exact else None, parameter_sets)
     found = plan_of(asked, threads, batch, Progress(), cores())
@@ -215,7 +211,7 @@ def status(
     json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Say what a results folder holds: shards there, missing and damaged, and who is at work."""
-    from mcsettle.cli import runs
+    from mcsettle.cli import run as runs
 
     found = runs.status(str(folder))
     typer.echo(runs.status_json(found) if json_output else "\n".join(runs.status_lines(found)))
@@ -225,7 +221,7 @@ def status(
 @plainly
 def gather(folder: Folder, take_over: TakeOver = False) -> None:
     """Check that every shard of a run made in parts is there, and close it: effects, summary."""
-    from mcsettle.cli import runs
+    from mcsettle.cli import run as runs
 
     runs.gather(str(folder), take_over)
 
@@ -240,9 +236,10 @@ def summarise(
     ] = None,
 ) -> None:
     """Print days, reduction, elasticity and marginal cost, beside the study's reference values."""
-    from mcsettle.cli.pictures import checked_picture, draw
-    from mcsettle.cli.views import print_summary, summary_json
-    from mcsettle.summary import read_results, summary_rows
+    from mcsettle.cli.picture import checked_picture, draw
+    from mcsettle.cli.summarise import print_summary, summary_json
+    from mcsettle.summary.results import read_results
+    from mcsettle.summary.summary import summary_rows
 
     if picture is not None:
         checked_picture(picture)
@@ -276,7 +273,7 @@ def calibrate(
 ) -> None:
     """Find the settlement factor that meets a median interval, or the observed SDs of a section."""
     from mcsettle.errors import InputError
-    from mcsettle.study import load_study
+    from mcsettle.study.study import load_study
 
     loaded = load_study(study)
     loaded.scenario(scenario)
@@ -284,7 +281,7 @@ def calibrate(
         loaded.variant(variant)
     if (median_days is None) == (observations is None):
         raise InputError("give either --median-days or --observations")
-    from mcsettle.cli.fitting import factor_for_median, factor_for_observations
+    from mcsettle.cli.calibrate import factor_for_median, factor_for_observations
 
     if observations is not None:
         factor_for_observations(loaded, scenario, observations, variant, hold_out)
@@ -306,13 +303,13 @@ def grounds(
 ) -> None:
     """List the grounds of a study, or print what a run says of them, segment by segment."""
     from mcsettle.cli.grounds import draw_report, list_lines, report_json, report_lines
-    from mcsettle.study import load_study
+    from mcsettle.study.study import load_study
 
     loaded = load_study(study)
     if results is None:
         typer.echo("\n".join(list_lines(loaded)))
         return
-    from mcsettle.ground_report import ground_report
+    from mcsettle.summary.segments import ground_report
 
     report = ground_report(results, variant, scenario)
     typer.echo(report_json(report) if json_output else "\n".join(report_lines(report)))
@@ -330,14 +327,14 @@ def life(
     json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Tamp a study's tracks again and again to renewal; present and marginal cost beside Eq. (4)."""
-    from mcsettle.study import load_study
+    from mcsettle.study.study import load_study
 
     loaded = load_study(study)
     if out is not None:
         checked_folder(out)
     _warn(loaded)
-    from mcsettle.cli.maintenance import life_json, life_lines, write_lives
-    from mcsettle.life import lives
+    from mcsettle.analysis.life import lives
+    from mcsettle.cli.life import life_json, life_lines, write_lives
 
     found = lives(loaded, realisations, Progress(), cores())
     typer.echo(life_json(found) if json_output else "\n".join(life_lines(found)))
@@ -355,15 +352,15 @@ def tornado(
 ) -> None:
     """Move each uncertain input to its P10 and P90, the others central, on the same tracks."""
     from mcsettle.errors import InputError
-    from mcsettle.study import load_study
+    from mcsettle.study.study import load_study
 
     loaded = load_study(study)
     if variant is not None:
         loaded.variant(variant)
     if not loaded.uncertain:
         raise InputError(f"{study} has no [[uncertain]] inputs; add some to see what they do")
+    from mcsettle.analysis.tornado import tornado as bars_of
     from mcsettle.cli.spread import print_tornado, tornado_json
-    from mcsettle.tornado import tornado as bars_of
 
     bars = bars_of(loaded, variant, realisations, Progress(), cores())
     if json_output:
@@ -381,14 +378,19 @@ def track(
     ] = None,
 ) -> None:
     """Describe a study's track and trains: wave speeds, deflection, stresses, Table 4."""
-    from mcsettle.cli.views import table4_lines, track_lines
-    from mcsettle.study import load_study
+    from mcsettle.cli.summarise import table4_lines, track_lines
+    from mcsettle.study.study import load_study
 
     loaded = load_study(study)
     if out is not None:
         checked_folder(out)
     _warn(loaded)
-    from mcsettle.track_report import describe, increases_at_surface, speed_warnings, track_cases
+    from mcsettle.analysis.track_summary import (
+        describe,
+        increases_at_surface,
+        speed_warnings,
+        track_cases,
+    )
 
     progress = Progress()
     cases = track_cases(loaded, progress, cores())
@@ -399,7 +401,7 @@ def track(
         head = [f"== {case.variant}"] if len(cases) > 1 else []
         typer.echo("\n".join([*head, *track_lines(rows), *table4_lines(table)]))
         if out is not None:
-            from mcsettle.track_pictures import draw_track
+            from mcsettle.report.track_pictures import draw_track
 
             folder = out / case.variant if len(cases) > 1 else out
             written = draw_track(case, rows, table, folder, progress)
@@ -442,7 +444,7 @@ def profile(
     json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Look at a measured record: findings, SD by section, spectrum, fitted constants."""
-    from mcsettle.cli.record import report_json, report_lines, report_of, write_report
+    from mcsettle.cli.profile import report_json, report_lines, report_of, write_report
 
     if out is not None:
         checked_folder(out)
@@ -484,13 +486,13 @@ def validate(
     ] = False,
 ) -> None:
     """Compare the models with closed forms and exact solutions; exit code 1 if one is missed."""
-    from mcsettle.cli.checks import cases_json, convergence_text, run_named_cases
+    from mcsettle.cli.validate import cases_json, convergence_text, run_named_cases
 
     if convergence:
         typer.echo(convergence_text(names or [], json_output, Progress()))
         return
     cases = run_named_cases(names or [], Progress())
-    from mcsettle.validate import table
+    from mcsettle.verification.run_cases import table
 
     typer.echo(cases_json(cases) if json_output else table(cases))
     if not all(case.passed for case in cases):
@@ -503,8 +505,8 @@ def doctor(
     json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Check Python, libraries, Taichi, cores, cache and disk; say what to do; exit code 1 if ill."""
-    from mcsettle.cli.checks import doctor_json, doctor_lines
-    from mcsettle.doctor import examine
+    from mcsettle.cli.installation import examine
+    from mcsettle.cli.validate import doctor_json, doctor_lines
 
     checks = examine()
     typer.echo(doctor_json(checks) if json_output else "\n".join(doctor_lines(checks)))

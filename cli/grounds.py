@@ -1,7 +1,4 @@
-"""``mcsettle grounds``: the grounds of a study, or what a run says of them by segment.
-
-Depends on: ground_report, study, study_grounds, cli.edge; figures where a picture is asked for.
-"""
+"""``mcsettle grounds``: the grounds of a study, or what a run says of them by segment."""
 
 import json
 import math
@@ -12,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
-    from mcsettle.ground_report import GroundReport, SegmentRow
-    from mcsettle.study import Study
+    from mcsettle.study.study import Study
+    from mcsettle.summary.segments import GroundReport, SegmentRow
 
 MOST_REASONS = 10
 
 
 def list_lines(study: "Study") -> Iterator[str]:
     """Every ground of a study: number, name, segment, probability, and why it cannot be run."""
-    from mcsettle.study_grounds import ground_sets
+    from mcsettle.study.parameter_sets import ground_sets
 
     if study.grounds_table is None:
         raise InputError("the study has no [grounds]")
@@ -68,8 +65,8 @@ def report_json(report: "GroundReport") -> str:
 
 def draw_report(report: "GroundReport", path: Path) -> None:
     """Write the picture by segment as ``path``, PNG or SVG."""
-    from mcsettle.figures.grounds import grounds_figure
-    from mcsettle.figures.style import FORMATS, save
+    from mcsettle.report.figures.grounds import grounds_figure
+    from mcsettle.report.figures.style import FORMATS, save
 
     if path.suffix.lower().lstrip(".") not in FORMATS:
         raise InputError(f"--picture {path}: choose a name that ends in .png or .svg")

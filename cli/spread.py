@@ -1,18 +1,15 @@
-"""Lines on uncertainty: what the spread consists of, lines of track, tornado, convergence, posterior.
-
-Depends on: estimate, inference, stopping, study, summary, tornado (types only), variance, rich.
-"""
+"""Lines on uncertainty: what the spread consists of, lines of track, tornado, convergence, posterior."""
 
 import sys
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mcsettle.estimate import Estimate, Statistic
-    from mcsettle.inference import Posterior
-    from mcsettle.stopping import Batch, Target
-    from mcsettle.summary import SummaryRow
-    from mcsettle.tornado import Bar
+    from mcsettle.analysis.posterior import Posterior
+    from mcsettle.analysis.tornado import Bar
+    from mcsettle.estimate.estimate import Estimate, Statistic
+    from mcsettle.run.stopping import Batch, Target
+    from mcsettle.summary.summary import SummaryRow
 
 WIDTH = 140
 
@@ -36,7 +33,7 @@ def print_spread(rows: "list[SummaryRow]") -> None:
     for line in lines:
         console.print(line, markup=False)
     if not lines and any(s.statistic == "variance_share" for row in rows for s in row.spread):
-        from mcsettle.variance import LEAST_SETS
+        from mcsettle.estimate.variance import LEAST_SETS
 
         console.print(f"Indices of single inputs: from {LEAST_SETS} parameter sets on.")
     _print_lines(console, rows)
@@ -100,7 +97,7 @@ def posterior_lines(found: "Posterior") -> Iterator[str]:
 
 def posterior_warnings(found: "Posterior") -> Iterator[str]:
     """What makes a posterior doubtful."""
-    from mcsettle.inference import FEW, MISFIT
+    from mcsettle.analysis.posterior import FEW, MISFIT
 
     if found.few:
         yield (

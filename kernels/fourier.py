@@ -10,8 +10,6 @@ The number of points and hence every distance between the points of a butterfly 
 kernel is compiled: points of one field at known distances cannot overlap, and the compiler need not
 check it before every loop over lanes. Rows are masked with POINTS, which changes none of them: it tells
 the compiler that no index overflows, without which it works out every address anew.
-
-Depends on: taichi.
 """
 
 import taichi as ti

@@ -1,7 +1,4 @@
-"""Taichi functions of the physics (twins of mcsettle.stress and mcsettle.settlement).
-
-Depends on: taichi.
-"""
+"""Taichi functions of the physics (twins of mcsettle.step_b.stress and mcsettle.step_b.settlement)."""
 
 import numpy as np
 import taichi as ti

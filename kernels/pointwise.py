@@ -1,4 +1,4 @@
-"""Settlement at every x and depth under axle passages (twin of mcsettle.passage): the reference kernel.
+"""Settlement at every x and depth under axle passages (twin of ``step_b.passage``): the reference.
 
 Any settlement law and exponent; nothing is expanded. Stress fields are synthesised on the grid from the
 profile's modes, two real fields in one complex transform, and what a passage settles is transformed
@@ -6,8 +6,6 @@ back (mcsettle.kernels.fourier). State, lanes and tiles as in the spectral kerne
 belong to workers, each of which takes every WORKERS-th tile, so that they stay in its cache:
 2.3 kB a point, 0.6 MB each on a window of 200 m and 6 MB on one of 2 km. In single precision (``w``) the
 state and the sums over passages are in double precision all the same.
-
-Depends on: fourier, passes, spectral, taichi.
 """
 
 import functools
@@ -17,7 +15,7 @@ import numpy as np
 import taichi as ti
 
 from mcsettle.kernels.fourier import forwards, pass_back, stages
-from mcsettle.kernels.passes import (
+from mcsettle.kernels.pointwise_tile import (
     GROUPS,
     Rows,
     add_linear,

@@ -2,8 +2,6 @@
 
 The compiler gives a parallel loop at least 512 iterations per thread by default, so that a loop over a
 few tiles would run on one core; the three ``cpu`` options below switch that rule off.
-
-Depends on: errors, files, taichi.
 """
 
 import contextlib
@@ -19,7 +17,7 @@ os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 import taichi as ti
 
 from mcsettle.errors import InputError
-from mcsettle.files import cache_folder
+from mcsettle.storage.files import cache_folder
 
 STALE_LOCK = 60.0  # s
 

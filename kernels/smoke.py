@@ -1,7 +1,4 @@
-"""A small kernel that shows whether Taichi compiles and computes in double precision here.
-
-Depends on: taichi.
-"""
+"""A small kernel that shows whether Taichi compiles and computes in double precision here."""
 
 import numpy as np
 import taichi as ti

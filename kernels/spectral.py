@@ -1,4 +1,4 @@
-"""The second-order settlement form on tiles of realisations (twin of mcsettle.spectral.growth).
+"""The second-order settlement form on tiles of realisations (twin of mcsettle.step_b.spectral.growth).
 
 Layout: state fields are [tile, mode, part, lane] with the realisation in the lane, innermost and
 contiguous, so that plain loops over lanes vectorise. One parallel loop over tiles; a realisation owns its
@@ -15,8 +15,6 @@ tiles, which changes none of them: no overflow, simpler addresses.
 Precision. The state ``u`` is in double precision always. The growth ``d`` is computed from ``v``, which
 is ``u`` itself or, for single precision, a copy of it: an increment of 1e-7 of an amplitude may lose its
 own eighth digit but must not be lost in the sum.
-
-Depends on: taichi.
 """
 
 import functools

@@ -41,18 +41,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mcsettle.calibration import calibrate
+    from mcsettle.analysis.calibration import calibrate
+    from mcsettle.analysis.track_summary import track_summary
     from mcsettle.economics import paired_effects
     from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
-    from mcsettle.estimate import Estimate
-    from mcsettle.notebook import plot, summarise
-    from mcsettle.pipeline import run_study
-    from mcsettle.study import Study, load_study, resolved_toml
-    from mcsettle.track import BeamTrack, Layer, Material, SectionTrack
-    from mcsettle.track_report import track_summary
-    from mcsettle.traffic import Service, Timetable, Train
-    from mcsettle.transfer import TransferFunctions
-    from mcsettle.vehicle import Vehicle
+    from mcsettle.estimate.estimate import Estimate
+    from mcsettle.railway.track import BeamTrack, Layer, Material, SectionTrack
+    from mcsettle.railway.traffic import Service, Timetable, Train
+    from mcsettle.railway.vehicle import Vehicle
+    from mcsettle.report.notebook import plot, summarise
+    from mcsettle.run.pipeline import run_study
+    from mcsettle.step_a.transfer import TransferFunctions
+    from mcsettle.study.study import Study, load_study, resolved_toml
 
 __version__ = "0.1.0"
 __all__ = [
@@ -81,18 +81,18 @@ __all__ = [
 ]
 
 _HOME = {
-    "calibration": ("calibrate",),
+    "analysis.calibration": ("calibrate",),
     "economics": ("paired_effects",),
     "errors": ("InputError", "MissingPrecomputationError", "NumericalError"),
-    "estimate": ("Estimate",),
-    "notebook": ("plot", "summarise"),
-    "pipeline": ("run_study",),
-    "study": ("Study", "load_study", "resolved_toml"),
-    "track": ("BeamTrack", "Layer", "Material", "SectionTrack"),
-    "track_report": ("track_summary",),
-    "traffic": ("Service", "Timetable", "Train"),
-    "transfer": ("TransferFunctions",),
-    "vehicle": ("Vehicle",),
+    "estimate.estimate": ("Estimate",),
+    "report.notebook": ("plot", "summarise"),
+    "run.pipeline": ("run_study",),
+    "study.study": ("Study", "load_study", "resolved_toml"),
+    "railway.track": ("BeamTrack", "Layer", "Material", "SectionTrack"),
+    "analysis.track_summary": ("track_summary",),
+    "railway.traffic": ("Service", "Timetable", "Train"),
+    "step_a.transfer": ("TransferFunctions",),
+    "railway.vehicle": ("Vehicle",),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}
 

@@ -8,8 +8,6 @@ interval has a negative elasticity and a positive marginal cost.
 
 If settlement depends on the number of passages alone (more of the same trains) the interval times
 the tonnage is constant, and the elasticity is −1/(1 + Δq/q) whatever the track: an identity.
-
-Depends on: errors, units.
 """
 
 import math

@@ -2,8 +2,6 @@
 
 Three and no more. ``InputError`` is the user's to mend and never shows a traceback on the command
 line; the other two say which part of a computation is missing or has failed.
-
-Depends on: nothing.
 """
 
 

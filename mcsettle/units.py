@@ -3,8 +3,6 @@
 The package computes in metres, newtons, pascals, seconds and radians. Study files, tables and
 reports speak of millimetres, km/h, tonnes, MGT (million gross tonnes), days and kPa; the factors
 below are the only place where the two meet: multiply to enter SI, divide to leave it.
-
-Depends on: nothing.
 """
 
 MM = 1e-3  # m

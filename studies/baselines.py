@@ -7,18 +7,19 @@ passages, and the change of track 0 over one train, or None.
 import numpy as np
 import scipy.fft
 
-from mcsettle import passage
-from mcsettle.beam import beam_response
-from mcsettle.interaction import precompute
-from mcsettle.irregularity import sample_profiles, spectrum, wavenumbers
-from mcsettle.settlement import SettlementModel, cycle_increment, strain_scale
-from mcsettle.spectral import ModePairs, axle_form, growth, mode_pairs, tables, train_form
-from mcsettle.stress import DEVIATOR, mean_state
-from mcsettle.track import TOY_TRACK
-from mcsettle.traffic import Train
-from mcsettle.transfer import TransferFunctions
+from mcsettle.railway.irregularity import sample_profiles, wavenumbers
+from mcsettle.railway.spectra import spectrum
+from mcsettle.railway.track import TOY_TRACK
+from mcsettle.railway.traffic import Train
+from mcsettle.railway.vehicle import PASSENGER
+from mcsettle.step_a.beam import beam_response
+from mcsettle.step_a.interaction import precompute
+from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_b import passage
+from mcsettle.step_b.settlement import SettlementModel, cycle_increment, strain_scale
+from mcsettle.step_b.spectral import ModePairs, axle_form, growth, mode_pairs, tables, train_form
+from mcsettle.step_b.stress import DEVIATOR, mean_state
 from mcsettle.units import KMH
-from mcsettle.vehicle import PASSENGER
 
 WINDOW = 200.0
 CYCLES = 1e5

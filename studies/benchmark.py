@@ -2,8 +2,8 @@
 
 Every design advances the same tracks by the same passages of the same 11-car passenger train on the
 closed-form track; its error is that of the change of the profile over one train against the definition
-(``mcsettle.passage``). The designs that are not ours are in ``baselines.py``. Run on a quiet machine:
-``make bench`` (options: realisations, seconds a design).
+(``mcsettle.step_b.passage``). The designs that are not ours are in ``baselines.py``. Run on a quiet
+machine: ``make bench`` (options: realisations, seconds a design).
 """
 
 import argparse
@@ -28,16 +28,16 @@ from baselines import (
     weights_of,
 )
 
-from mcsettle.case import Case
-from mcsettle.clock import update_weights
 from mcsettle.kernels import runtime
-from mcsettle.march import day_loads, pointwise_day_loads
-from mcsettle.pointwise import pointwise_growth, pointwise_load
-from mcsettle.settlement import SettlementModel
-from mcsettle.traffic import Service, Timetable, Train
-from mcsettle.transfer import TransferFunctions
+from mcsettle.railway.traffic import Service, Timetable, Train
+from mcsettle.railway.vehicle import PASSENGER
+from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_b.case import Case
+from mcsettle.step_b.cycles import update_weights
+from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
+from mcsettle.step_b.settlement import SettlementModel
+from mcsettle.step_b.stepwise import day_loads, pointwise_day_loads
 from mcsettle.units import KMH
-from mcsettle.vehicle import PASSENGER
 
 
 def main() -> None:

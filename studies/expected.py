@@ -6,7 +6,8 @@ python studies/expected.py results/linespeed results/traffic
 import sys
 from pathlib import Path
 
-from mcsettle.summary import Results, SummaryRow, read_results, summary_rows
+from mcsettle.summary.results import Results, read_results
+from mcsettle.summary.summary import SummaryRow, summary_rows
 
 METRICS = {
     "tamping_interval_days": ("days", "{:.0f}"),

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from mcsettle.engine import Engine
-from mcsettle.scene import build_case, initial_profiles
-from mcsettle.step_a import step_a
-from mcsettle.study import Study
+from mcsettle.run.scenario import build_case, initial_profiles
+from mcsettle.run.transfers import step_a
+from mcsettle.step_b.engine import Engine
+from mcsettle.study.study import Study
 
 Data = dict[str, Any]
 PUBLISHED = {"C": 6.9, "D": 13.0}

@@ -17,15 +17,17 @@ from typing import Any
 import numpy as np
 from scipy import optimize, stats
 
-from mcsettle import calibration, estimate, nested, surrogate, variance
-from mcsettle.distributions import distribution
-from mcsettle.estimate import LEVELS, Estimate
-from mcsettle.factor_fit import draw_factor
-from mcsettle.line import line_means
-from mcsettle.observed import Likelihood, log_interval, log_mean, log_median
-from mcsettle.refit import weights_of_fits
-from mcsettle.resampling import as_interval
-from mcsettle.study_observed import ObservedTable
+from mcsettle.analysis import calibration
+from mcsettle.estimate import crossed as nested
+from mcsettle.estimate import sample, total_index, variance
+from mcsettle.estimate.estimate import LEVELS, Estimate
+from mcsettle.estimate.likelihood import Likelihood, log_interval, log_mean, log_median
+from mcsettle.estimate.line_mean import line_means
+from mcsettle.estimate.refit import weights_of_fits
+from mcsettle.estimate.resampling import as_interval
+from mcsettle.run.factor_fit import draw_factor
+from mcsettle.study.distributions import distribution
+from mcsettle.study.observations import ObservedTable
 
 OF_SET, OF_TRACK, OF_BOTH = 0.5, 0.4, 0.1  # log standard deviations of the rates
 MEDIAN = 700.0
@@ -76,33 +78,33 @@ def lognormal_quantile(level: float, spread: float) -> float:
 def quantile_of(level: float, n: int) -> Callable[..., Outcome]:
     """Order statistics of n intervals."""
     truth = lognormal_quantile(level, OF_TRACK)
-    return lambda rng: [(estimate.quantile(lognormal(rng, n), level, "d"), truth)]
+    return lambda rng: [(sample.quantile(lognormal(rng, n), level, "d"), truth)]
 
 
 def censored_quantile(rng: np.random.Generator) -> Outcome:
     """Median of exponential intervals cut at a horizon."""
     days = rng.exponential(600.0, 100)
-    return [(estimate.interval_quantile(*cut(days, 700.0), 0.5), 600.0 * np.log(2.0))]
+    return [(sample.interval_quantile(*cut(days, 700.0), 0.5), 600.0 * np.log(2.0))]
 
 
 def cut_mean(n: int) -> Callable[..., Outcome]:
     """Mean of exponential intervals cut at a horizon."""
     truth = 600.0 * (1.0 - np.exp(-700.0 / 600.0))  # E min(T, 700)
     return lambda rng: [
-        (estimate.restricted_mean(*cut(rng.exponential(600.0, n), 700.0)), float(truth))
+        (sample.restricted_mean(*cut(rng.exponential(600.0, n), 700.0)), float(truth))
     ]
 
 
 def skew_mean(n: int) -> Callable[..., Outcome]:
     """Mean of n exponential values."""
-    return lambda rng: [(estimate.mean(rng.exponential(2.0, n), "GBP"), 2.0)]
+    return lambda rng: [(sample.mean(rng.exponential(2.0, n), "GBP"), 2.0)]
 
 
 def paired_effect(rng: np.random.Generator) -> Outcome:
     """Reductions of pairs; those whose baseline lasts longest are censored, and not at random."""
     base = rng.normal(size=200)
     effect = 10.0 + 3.0 * base + rng.normal(size=200)
-    found = estimate.effect_quantile(np.where(base > 1.3, np.nan, effect), 0.5, "%")
+    found = sample.effect_quantile(np.where(base > 1.3, np.nan, effect), 0.5, "%")
     return [(found, 10.0)]
 
 
@@ -337,7 +339,7 @@ def ishigami(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 def totals(rng: np.random.Generator) -> Outcome:
     """Total indices of Ishigami."""
-    found = surrogate.total_order(*ishigami(rng, 128))
+    found = total_index.total_order(*ishigami(rng, 128))
     return [_index(*pair) for pair in zip(found.indices, ISHIGAMI_TOTAL, strict=True)]
 
 
@@ -355,13 +357,13 @@ def _index(found: tuple[float, float], truth: float) -> tuple[Estimate, float]:
 
 def rows_as_independent(rng: np.random.Generator) -> Outcome:
     """As though sets and tracks were not shared."""
-    return [(estimate.quantile(crossed(rng).ravel(), 0.5, "d"), MEDIAN)]
+    return [(sample.quantile(crossed(rng).ravel(), 0.5, "d"), MEDIAN)]
 
 
 def censored_rows_dropped(rng: np.random.Generator) -> Outcome:
     """As though what lasts longer were not there."""
     days = rng.exponential(600.0, 100)
-    return [(estimate.quantile(days[days <= 700.0], 0.5, "d"), 600.0 * np.log(2.0))]
+    return [(sample.quantile(days[days <= 700.0], 0.5, "d"), 600.0 * np.log(2.0))]
 
 
 def weights_left_out(rng: np.random.Generator) -> Outcome:

@@ -16,17 +16,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from mcsettle.draws import all_sets
-from mcsettle.fem25d import Settings, section_response
-from mcsettle.interaction import precompute
-from mcsettle.passage import mode_numbers
-from mcsettle.scene import initial_profiles
-from mcsettle.settlement import SettlementModel, cycle_rate
-from mcsettle.spectral import growth, mode_pairs, train_form
-from mcsettle.step_a import section_settings, study_wavenumbers
-from mcsettle.study import Study, load_study
-from mcsettle.track import SectionTrack
-from mcsettle.transfer import TransferFunctions
+from mcsettle.railway.track import SectionTrack
+from mcsettle.run.scenario import initial_profiles
+from mcsettle.run.transfers import section_settings
+from mcsettle.step_a.fem25d import Settings, section_response
+from mcsettle.step_a.interaction import precompute
+from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_b.passage import mode_numbers
+from mcsettle.step_b.settlement import SettlementModel, cycle_rate
+from mcsettle.step_b.spectral import growth, mode_pairs, train_form
+from mcsettle.study.parameter_sets import all_sets
+from mcsettle.study.study import Study, load_study, study_wavenumbers
 
 TRACKS = range(64)
 REFERENCE = 1e-3  # tolerance of the bases

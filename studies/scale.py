@@ -25,8 +25,8 @@ import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
-from mcsettle.files import sha256
-from mcsettle.study import Study, resolved_toml
+from mcsettle.storage.files import sha256
+from mcsettle.study.study import Study, resolved_toml
 
 TOY = Path(__file__).with_name("toy.toml")
 MCSETTLE = (sys.executable, "-c", "from mcsettle.cli.app import main; main()")

@@ -15,13 +15,12 @@ import time
 
 import numpy as np
 
-from mcsettle.fem25d import Settings, section_response
-from mcsettle.fem25d.reduced import output_error
-from mcsettle.fem25d.solve import outputs, solve
-from mcsettle.fem25d.track_section import track_section
-from mcsettle.interaction import precompute
-from mcsettle.step_a import study_wavenumbers
-from mcsettle.study import load_study
+from mcsettle.step_a.fem25d import Settings, section_response
+from mcsettle.step_a.fem25d.reduced_basis import output_error
+from mcsettle.step_a.fem25d.solve import outputs, solve
+from mcsettle.step_a.fem25d.track_section import track_section
+from mcsettle.step_a.interaction import precompute
+from mcsettle.study.study import load_study, study_wavenumbers
 
 SEED = 7_310_229
 SHARES = (0.5, 0.9, 0.99, 1.0)

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mcsettle.case import Case, Outcome
-from mcsettle.engine import Engine
-from mcsettle.march import Marching
-from mcsettle.scene import build_case, initial_profiles
-from mcsettle.step_a import step_a
-from mcsettle.study import load_study
+from mcsettle.run.scenario import build_case, initial_profiles
+from mcsettle.run.transfers import step_a
+from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.stepwise import Marching
+from mcsettle.study.study import load_study
 
 STUDY = Path(__file__).with_name("linespeed.toml")
 VARIANT, SCENARIO = "linear", "v201"

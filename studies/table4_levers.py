@@ -18,22 +18,22 @@ from pathlib import Path
 
 import numpy as np
 
-from mcsettle.curves import Curve
-from mcsettle.fem25d import MeshSettings
-from mcsettle.fem25d.depth import depth_grid, geostatic_stress
-from mcsettle.fem25d.frame import track_frame
-from mcsettle.fem25d.moving import rail_coupling
-from mcsettle.fem25d.passing import along_train, line_wavenumbers, places
-from mcsettle.fem25d.softening import soften
-from mcsettle.fem25d.solve import outputs, solve
-from mcsettle.fem25d.track_section import ElementProperties, track_section
-from mcsettle.soil import SofteningSettings
-from mcsettle.stress import deviatoric_stress
-from mcsettle.study import load_study
-from mcsettle.track import CASE_STUDY_TRACK, VALIDATION_TRACK, SectionTrack
-from mcsettle.traffic import Train
+from mcsettle.analysis.stress_under_train import layer_weights
+from mcsettle.railway.modulus_curves import Curve
+from mcsettle.railway.softening_choices import SofteningSettings
+from mcsettle.railway.track import CASE_STUDY_TRACK, VALIDATION_TRACK, SectionTrack
+from mcsettle.railway.traffic import Train
+from mcsettle.step_a.fem25d import MeshSettings
+from mcsettle.step_a.fem25d.depth_grid import depth_grid, geostatic_stress
+from mcsettle.step_a.fem25d.element_scaling import track_frame
+from mcsettle.step_a.fem25d.moving_load import rail_coupling
+from mcsettle.step_a.fem25d.passing_train import along_train, line_wavenumbers, places
+from mcsettle.step_a.fem25d.softening import soften
+from mcsettle.step_a.fem25d.solve import outputs, solve
+from mcsettle.step_a.fem25d.track_section import ElementProperties, track_section
+from mcsettle.step_b.stress import deviatoric_stress
+from mcsettle.study.study import load_study
 from mcsettle.units import KMH
-from mcsettle.views.stress import layer_weights
 
 SPEEDS = (201.0, 209.0, 217.0, 225.0)  # km/h
 DEPTH = 5.5  # m

@@ -11,19 +11,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcsettle.beam import beam_response
-from mcsettle.interaction import precompute
-from mcsettle.irregularity import sample_profiles, spectrum, wavenumbers
-from mcsettle.kernels import march as kernel_march
-from mcsettle.kernels import runtime
-from mcsettle.passage import mode_numbers
-from mcsettle.pointwise import pointwise_growth, pointwise_load
-from mcsettle.settlement import SettlementModel, cycle_increment
-from mcsettle.spectral import axle_form, mode_pairs, tables
-from mcsettle.track import TOY_TRACK
-from mcsettle.traffic import Train
+from mcsettle.kernels import lanes, runtime
+from mcsettle.railway.irregularity import sample_profiles, wavenumbers
+from mcsettle.railway.spectra import spectrum
+from mcsettle.railway.track import TOY_TRACK
+from mcsettle.railway.traffic import Train
+from mcsettle.railway.vehicle import PASSENGER
+from mcsettle.step_a.beam import beam_response
+from mcsettle.step_a.interaction import precompute
+from mcsettle.step_b.passage import mode_numbers
+from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
+from mcsettle.step_b.settlement import SettlementModel, cycle_increment
+from mcsettle.step_b.spectral import axle_form, mode_pairs, tables
 from mcsettle.units import KMH
-from mcsettle.vehicle import PASSENGER
 
 WINDOWS = (200.0, 400.0, 1000.0, 2000.0)
 TRACKS, AXLES_OF_A_TRAIN = 256, 44
@@ -63,7 +63,7 @@ def measured(window: float, seconds: float) -> tuple[int, int, float, float]:
     pairs = mode_pairs(mode_numbers(k, window))
     form = axle_form(transfer, 0, model, pairs)
     loads = form.packed()[None], form.constant[None], form.mean[None]
-    state = kernel_march.March(tracks, np.inf, tables(pairs), len(growth))
+    state = lanes.March(tracks, np.inf, tables(pairs), len(growth))
     n = max(1, int(2e5 / (len(pairs.sums) + len(pairs.differences))))
     updates = np.zeros(n, np.int32), np.tile(growth, (n, 1))
     by_form = spent(lambda: state.advance(*updates, *loads), seconds) / (n * TRACKS)

@@ -30,12 +30,12 @@ def fresh_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """
     import toy
 
-    from mcsettle import step_a
     from mcsettle.kernels import runtime
+    from mcsettle.step_a import track_response
 
     runtime.start()
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MCSETTLE_CACHE", str(folder))
-        patch.setattr(step_a, "beam_response", toy.beam_response_once)
+        patch.setattr(track_response, "beam_response", toy.beam_response_once)
         yield folder

@@ -24,11 +24,13 @@ from pathlib import Path
 # Imported once, before the children: what a run imports on its way, too.
 import pyarrow.dataset  # noqa: F401
 
-import mcsettle.closing
-import mcsettle.pipeline
-from mcsettle import files, step_a
+import mcsettle.run.close
+import mcsettle.run.pipeline
 from mcsettle.kernels import runtime, spectral  # noqa: F401
-from mcsettle.study import load_study
+from mcsettle.run import transfers
+from mcsettle.step_a import track_response
+from mcsettle.storage import files
+from mcsettle.study.study import load_study
 
 SHARDS = 8  # of the study as the tests give it
 OTHERS = 10  # writes of a run besides three a shard: lock, provenance, effects, summary, manifest …
@@ -62,7 +64,7 @@ def child(study: Path, out: Path, nth: int = 0, where: str = "") -> int:
     try:
         if nth:
             die_in_write(nth, where)
-        mcsettle.pipeline.run_study(load_study(study), out, threads=1, shard_size=2)
+        mcsettle.run.pipeline.run_study(load_study(study), out, threads=1, shard_size=2)
         code = 0
     finally:
         os._exit(code)
@@ -85,8 +87,8 @@ def main() -> None:
     """Kill, resume, kill …"""
     study, out, kills, seed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
     rng, told = random.Random(seed), Counter[str]()
-    step_a.beam_response = functools.cache(step_a.beam_response)
-    step_a.step_a(load_study(study))
+    track_response.beam_response = functools.cache(track_response.beam_response)
+    transfers.step_a(load_study(study))
     began = time.monotonic()
     os.waitpid(child(study, out.with_name("probe")), 0)
     longest = 1.2 * (time.monotonic() - began)  # of a whole run, on this machine as it is now

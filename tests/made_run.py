@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from mcsettle import rows, store
-from mcsettle.draws import all_sets
 from mcsettle.economics import paired_effects
-from mcsettle.study import Study, resolved_toml
+from mcsettle.run import columns as rows
+from mcsettle.storage import store
+from mcsettle.study.parameter_sets import all_sets
+from mcsettle.study.study import Study, resolved_toml
 
 TOY = Path(__file__).resolve().parents[1] / "studies" / "toy.toml"
 

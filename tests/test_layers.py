@@ -4,131 +4,19 @@ import ast
 import subprocess
 import sys
 import tomllib
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"mcsettle": "mcsettle", "kernels": "mcsettle.kernels", "cli": "mcsettle.cli"}
-# Each name may import those on the lines above it, and its own line; a folder stands for its files.
-LAYERS = (
-    ("errors", "units", "key_paths"),
-    (
-        "curves",
-        "soil",
-        "track",
-        "vehicle",
-        "traffic",
-        "irregularity",
-        "files",
-        "place",
-        "shared_cache",
-        "npz",
-        "parquet",
-        "tables",
-        "distributions",
-        "record",
-        "filters",
-        "sections",
-        "measured",
-        "inputs",
-        "grounds",
-        "profile_report",
-    ),
-    (
-        "transfer",
-        "transfer_file",
-        "waves",
-        "halfspace",
-        "settlement",
-        "stress",
-        "roughness",
-        "stepping",
-    ),
-    ("quadrature", "closed_forms"),
-    (
-        "fem25d",
-        "beam",
-        "interaction",
-        "speed_effect",
-        "economics",
-        "maintenance",
-        "estimate",
-        "order",
-        "resampling",
-        "nested",
-        "variance",
-        "surrogate",
-        "line_error",
-        "line",
-        "provenance",
-        "manifest",
-        "store",
-        "ledger",
-        "lock",
-    ),
-    ("layered", "strip"),
-    ("validate_case", "validate_closed", "validate_section", "validate", "convergence"),
-    ("kernels",),
-    ("passage", "spectral", "pointwise", "clock", "case"),
-    ("march", "jump", "engine", "expansion"),
-    ("views",),
-    ("figures",),
-    (
-        "study_units",
-        "study_paths",
-        "study_schema",
-        "study_ground",
-        "study_trains",
-        "study_build",
-        "study_faults",
-        "study_checks",
-        "study_text",
-        "study_uncertain",
-        "study_observed",
-    ),
-    ("study_read",),
-    ("study_library",),
-    ("study",),
-    (
-        "draws",
-        "observed",
-        "refit",
-        "study_grounds",
-        "near_critical",
-        "step_a",
-        "ahead",
-        "scene",
-        "summary_spread",
-        "summary",
-        "summary_table",
-        "rows",
-        "shards",
-    ),
-    ("fits",),
-    ("survey",),
-    ("closing", "step_b", "factor_fit"),
-    ("factor_origin",),
-    ("track_case", "track_report", "track_pictures", "pipeline", "doctor"),
-    (
-        "calibration",
-        "inference",
-        "tornado",
-        "stopping",
-        "plan",
-        "life",
-        "ground_report",
-        "forecast",
-        "notebook",
-        "worker",
-        "dispatch",
-        "cluster",
-    ),
-    ("report", "compare"),
-    ("export",),
-    ("cli",),
+# A room may import the rooms before it, and its own modules; nothing else.
+ROOMS = (
+    *("errors", "units", "types", "storage", "railway", "economics", "estimate", "step_a"),
+    *("verification", "kernels", "step_b", "study", "summary", "run", "analysis", "report", "cli"),
 )
-RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
+RANK = {room: rank for rank, room in enumerate(ROOMS)}
 
 
 def sources() -> list[tuple[str, Path]]:
@@ -144,13 +32,13 @@ def sources() -> list[tuple[str, Path]]:
 SOURCES = sources()
 
 
-def imported(path: Path) -> set[str]:
-    """Every module that ``path`` imports, outside ``if TYPE_CHECKING``."""
+def imported(path: Path, typing: bool = False) -> set[str]:
+    """Every name that ``path`` imports; ``typing``: those under ``if TYPE_CHECKING`` too."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     hidden = {
         inner
         for node in ast.walk(tree)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        if not typing and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
         for inner in ast.walk(node)
     }
     names: set[str] = set()
@@ -163,25 +51,40 @@ def imported(path: Path) -> set[str]:
     return names
 
 
-def layer_of(module: str) -> str:
+def home_of(name: str, modules: set[str]) -> str:
+    """Module that an imported name is, or is defined in; "" where it is not ours."""
+    return next((home for home in (name, name.rpartition(".")[0]) if home in modules), "")
+
+
+def room_of(module: str) -> str:
     return module.split(".")[1] if "." in module else ""
 
 
 @pytest.mark.parametrize(("module", "path"), SOURCES, ids=[m for m, _ in SOURCES])
 def test_imports_point_one_way(module: str, path: Path) -> None:
-    own = layer_of(module)
+    own = room_of(module)
     if not own:  # the package itself names everything, lazily
         return
-    assert own in RANK, f"{own} has no place in LAYERS: add it where it belongs"
-    for name in imported(path):
-        if name.startswith("mcsettle.") and layer_of(name) in RANK:
-            assert RANK[layer_of(name)] <= RANK[own], f"{module} imports {name} from above"
+    assert own in RANK, f"{own} is not a room: add it to ROOMS where it belongs"
+    for name in imported(path, typing=True):
+        if name.startswith("mcsettle.") and room_of(name) in RANK:
+            assert RANK[room_of(name)] <= RANK[own], f"{module} imports {name} from a later room"
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    modules = {module for module, _ in SOURCES}
+    graph = {
+        module: {home_of(name, modules) for name in imported(path)} - {module, ""}
+        for module, path in SOURCES
+        if room_of(module)
+    }
+    TopologicalSorter(graph).prepare()  # CycleError names the circle
 
 
 @pytest.mark.parametrize(("module", "path"), SOURCES, ids=[m for m, _ in SOURCES])
 def test_only_kernels_import_taichi_and_nothing_is_imported_bare(module: str, path: Path) -> None:
     tops = {name.split(".")[0] for name in imported(path)}
-    if layer_of(module) != "kernels":
+    if room_of(module) != "kernels":
         assert "taichi" not in tops
     assert not tops & {"kernels", "cli"}
 
@@ -193,7 +96,7 @@ def test_tests_import_nothing_bare(path: Path) -> None:
 
 def test_no_postponed_annotations_in_kernels() -> None:
     for module, path in SOURCES:
-        if layer_of(module) == "kernels":
+        if room_of(module) == "kernels":
             assert "__future__.annotations" not in imported(path), path
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mcsettle.study import Study, load_study, resolved_toml
+from mcsettle.study.study import Study, load_study, resolved_toml
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES = sorted((ROOT / "studies").glob("*.toml"))

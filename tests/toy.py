@@ -11,17 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from mcsettle.beam import beam_response
-from mcsettle.case import Case
-from mcsettle.interaction import precompute
-from mcsettle.irregularity import default_section, sample_profiles, spectrum, wavenumbers
-from mcsettle.settlement import SettlementModel
-from mcsettle.study import Study
-from mcsettle.track import TOY_TRACK, PowerLaw
-from mcsettle.traffic import Service, Timetable, Train
-from mcsettle.transfer import TransferFunctions
+from mcsettle.railway.irregularity import default_section, sample_profiles, wavenumbers
+from mcsettle.railway.spectra import spectrum
+from mcsettle.railway.track import TOY_TRACK, PowerLaw
+from mcsettle.railway.traffic import Service, Timetable, Train
+from mcsettle.railway.vehicle import FREIGHT, PASSENGER
+from mcsettle.step_a.beam import beam_response
+from mcsettle.step_a.interaction import precompute
+from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_b.case import Case
+from mcsettle.step_b.settlement import SettlementModel
+from mcsettle.study.study import Study
 from mcsettle.units import KMH
-from mcsettle.vehicle import FREIGHT, PASSENGER
 
 FACTOR = 300.0
 SD, SD_LIMIT, WINDOW = 1.03e-3, 1.5e-3, 200.0

@@ -1,15 +1,11 @@
-"""The first page: what is asked, the answer in charging units, what its band contains, one picture.
-
-Depends on: estimate, figures.results, figures.style, report.charging, report.curves, report.material,
-report.page, report.words.
-"""
+"""The first page: what is asked, the answer in charging units, what its band contains, one picture."""
 
 from collections.abc import Iterator
 
-from mcsettle.estimate import Estimate
-from mcsettle.figures.results import spreads_figure, survival_figure
+from mcsettle.estimate.estimate import Estimate
 from mcsettle.report.charging import Charge, MarginalTrain, charges, marginal_train
 from mcsettle.report.curves import spreads, survivals
+from mcsettle.report.figures.results import spreads_figure, survival_figure
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
 from mcsettle.report.words import (

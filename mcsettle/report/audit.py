@@ -1,7 +1,4 @@
-"""Method, limits, and what an audit needs: versions, digests, the study, the command that repeats it.
-
-Depends on: report.material, report.page, report.words, store, study, track.
-"""
+"""Method, limits, and what an audit needs: versions, digests, the study, the command that repeats it."""
 
 import sys
 from collections.abc import Iterator
@@ -10,7 +7,7 @@ from importlib.metadata import version
 from mcsettle.report.material import Material, rows_digest
 from mcsettle.report.page import Block, Bullets, Code, Table, Text
 from mcsettle.report.words import cut
-from mcsettle.study import resolved_toml
+from mcsettle.study.study import resolved_toml
 
 LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "jinja2", "pydantic")
 

@@ -1,12 +1,12 @@
-"""The page of a report, put together: answer first, audit last.
-
-Depends on: report.*, study, tornado, track_case, track_report.
-"""
+"""The page of a report, put together: answer first, audit last."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from mcsettle.analysis.tornado import Bar, tornado
+from mcsettle.analysis.track_case import track_cases
+from mcsettle.analysis.track_summary import increases_at_surface
 from mcsettle.report.answer import answer, question, scope
 from mcsettle.report.audit import limit_blocks, method_blocks, provenance_blocks
 from mcsettle.report.material import Material, StepAPart, read_material
@@ -26,13 +26,10 @@ from mcsettle.report.quality import (
     sensitivity_blocks,
 )
 from mcsettle.report.register import register_table
-from mcsettle.report.results import charge_blocks, result_blocks
+from mcsettle.report.result_tables import charge_blocks, result_blocks
 from mcsettle.report.scenarios import scenario_blocks
 from mcsettle.report.words import cut
-from mcsettle.step_a import Progress
-from mcsettle.tornado import Bar, tornado
-from mcsettle.track_case import track_cases
-from mcsettle.track_report import increases_at_surface
+from mcsettle.types import Progress
 
 
 def read_report(

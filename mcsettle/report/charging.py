@@ -4,17 +4,15 @@ The marginal train of a scenario is the one that runs more often there than in t
 tonnage as the driver its cost per train-km is its mass times the cost per tonne-km. With speed as
 the driver it is the train of the baseline, and its cost is the marginal cost per km/h times the
 difference of the speeds.
-
-Depends on: study, summary, report.material, report.words, units.
 """
 
 from dataclasses import dataclass
 
-from mcsettle.estimate import Estimate
+from mcsettle.estimate.estimate import Estimate
 from mcsettle.report.material import Material
 from mcsettle.report.words import mostly_known
-from mcsettle.study import Study
-from mcsettle.summary import SummaryRow
+from mcsettle.study.study import Study
+from mcsettle.summary.summary import SummaryRow
 from mcsettle.units import TONNE
 
 KM_PER_MILE = 1.609344

@@ -1,7 +1,4 @@
-"""From the tables of a run to what its pictures show.
-
-Depends on: estimate, report.material, report.words, scipy, units, views.results.
-"""
+"""From the tables of a run to what its pictures show."""
 
 import warnings
 from typing import Any
@@ -10,11 +7,11 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from mcsettle.estimate import interval_quantile
+from mcsettle.estimate.sample import interval_quantile
+from mcsettle.report.figures.results import Convergence, Fan, Rate, Spread, Survival
 from mcsettle.report.material import Material
 from mcsettle.report.words import mostly_known
 from mcsettle.units import DAYS_PER_YEAR
-from mcsettle.views.results import Convergence, Fan, Rate, Spread, Survival
 
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"

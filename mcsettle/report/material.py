@@ -1,7 +1,4 @@
-"""Everything a report is made of: the tables of a run, their summary, their origin, the choices.
-
-Depends on: errors, store, study, summary, track_case, views.
-"""
+"""Everything a report is made of: the tables of a run, their summary, their origin, the choices."""
 
 import hashlib
 from dataclasses import dataclass
@@ -10,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from mcsettle import store
-from mcsettle.study import Study
-from mcsettle.summary import Results, SummaryRow, read_results, summary_rows
-from mcsettle.track_case import TrackCase
-from mcsettle.views.table4 import Increase
+from mcsettle.analysis.table4 import Increase
+from mcsettle.analysis.track_case import TrackCase
+from mcsettle.storage import store
+from mcsettle.study.study import Study
+from mcsettle.summary.results import Results, read_results
+from mcsettle.summary.summary import SummaryRow, summary_rows
 
 
 @dataclass(frozen=True)

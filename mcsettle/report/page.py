@@ -1,7 +1,4 @@
-"""What a page consists of: frozen descriptions without any markup.
-
-Depends on: nothing.
-"""
+"""What a page consists of: frozen descriptions without any markup."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -2,8 +2,6 @@
 
 The same engine that shows the page prints it, so what was looked at is what is printed. The file's
 dates are those of a fixed day: the same page gives the same bytes on one version of the browser.
-
-Depends on: errors, playwright.
 """
 
 import os

@@ -1,9 +1,6 @@
 """Pictures beyond the results: growth and its rate, single tracks, and what Step A shows.
 
 ``PAPER`` says which figure of the paper each one stands for, and why the two differ.
-
-Depends on: figures, report.curves, report.material, report.page, report.single_tracks,
-report.words, track_case, track_pictures, units, views.
 """
 
 from collections.abc import Iterator
@@ -11,10 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.figure import Figure
 
-from mcsettle.figures.maps import force_figure, stress_map_figure
-from mcsettle.figures.results import rates_figure, spreads_figure
-from mcsettle.figures.track_in_time import concept_figure, mixed_figure, profiles_figure
+from mcsettle.analysis.stress_under_train import stress_along
+from mcsettle.analysis.track_case import layer_tops
 from mcsettle.report.curves import MOVING, growths, rates
+from mcsettle.report.figures.maps import force_figure, stress_map_figure
+from mcsettle.report.figures.results import rates_figure, spreads_figure
+from mcsettle.report.figures.track_in_time import concept_figure, mixed_figure, profiles_figure
 from mcsettle.report.material import Material
 from mcsettle.report.page import Picture
 from mcsettle.report.single_tracks import (
@@ -24,11 +23,9 @@ from mcsettle.report.single_tracks import (
     prepared_step_a,
     profiles_at_limit,
 )
+from mcsettle.report.track_pictures import track_figures
 from mcsettle.report.words import DAYS, cut, number
-from mcsettle.track_case import layer_tops
-from mcsettle.track_pictures import track_figures
 from mcsettle.units import KN, KPA, MM
-from mcsettle.views.stress import stress_along
 
 GROWTH = "sd_growth_1y_mm"
 # Figures of the paper by our picture: number and why ours differs.

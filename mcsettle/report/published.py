@@ -1,14 +1,12 @@
 """Published values beside ours: one table a source, where each falls, why they differ.
 
 Everything comes from the study's ``[[reference]]`` entries; without any there is no such part.
-
-Depends on: report.material, report.page, report.pictures, report.words, study_schema,
-views.table4.
 """
 
 import re
 from collections.abc import Iterator
 
+from mcsettle.analysis.table4 import DEFINITIONS, METRIC_OF
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
 from mcsettle.report.pictures import NOT_DRAWN, PAPER
@@ -23,8 +21,7 @@ from mcsettle.report.words import (
     unit_words,
     with_error,
 )
-from mcsettle.study_schema import ReferenceTable
-from mcsettle.views.table4 import DEFINITIONS, METRIC_OF
+from mcsettle.study.schema import ReferenceTable
 
 WIDE_BAND = (5.0, 95.0)
 

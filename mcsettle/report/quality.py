@@ -1,14 +1,12 @@
-"""How far the numbers can be trusted: sensitivity, convergence, censoring, calibration.
-
-Depends on: figures, report.curves, report.material, report.page, report.words, tornado.
-"""
+"""How far the numbers can be trusted: sensitivity, convergence, censoring, calibration."""
 
 from collections.abc import Iterator, Sequence
 
-from mcsettle.estimate import Estimate, Statistic
-from mcsettle.figures.results import convergence_figure
-from mcsettle.figures.track_in_time import swings_figure
+from mcsettle.analysis.tornado import Bar
+from mcsettle.estimate.estimate import Estimate, Statistic
 from mcsettle.report.curves import convergence
+from mcsettle.report.figures.results import Swing, convergence_figure
+from mcsettle.report.figures.track_in_time import swings_figure
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
 from mcsettle.report.words import (
@@ -21,8 +19,6 @@ from mcsettle.report.words import (
     unit_words,
     with_error,
 )
-from mcsettle.tornado import Bar
-from mcsettle.views.results import Swing
 
 MOST_BARS = 10
 SHOWN = ("quantile", "mean", "restricted_mean", "section_mean")

@@ -3,8 +3,6 @@
 Who set a value is found by comparing it with what the program would have taken: equal to a preset
 or default, it is the paper's or a default by the rules of ``register.toml``; different, it is the
 study's, unless the study's ``[sources]`` says where it comes from.
-
-Depends on: key_paths, report.page, report.words, study, study_build, study_schema, study_trains.
 """
 
 import tomllib
@@ -15,12 +13,12 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from mcsettle.key_paths import unit_of
 from mcsettle.report.page import Table
 from mcsettle.report.words import cut
-from mcsettle.study import Study, study_data
-from mcsettle.study_build import resolved_track
-from mcsettle.study_schema import (
+from mcsettle.storage.tables import unit_of
+from mcsettle.study.build import resolved_track
+from mcsettle.study.build_trains import resolved_train
+from mcsettle.study.schema import (
     EconomicsTable,
     LimitTable,
     ProfileTable,
@@ -30,7 +28,7 @@ from mcsettle.study_schema import (
     TrackTable,
     TrainTable,
 )
-from mcsettle.study_trains import resolved_train
+from mcsettle.study.study import Study, study_data
 
 OMITTED = {
     "schema_version",

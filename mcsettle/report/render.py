@@ -2,8 +2,6 @@
 
 No script, nothing loaded from elsewhere (a content security policy says so to the browser), every
 text escaped; pictures are inline SVG. The same page gives the same bytes.
-
-Depends on: figures.style, report.page, jinja2.
 """
 
 import re
@@ -12,7 +10,7 @@ from importlib.resources import files
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from mcsettle.figures.style import page_svg
+from mcsettle.report.figures.style import page_svg
 from mcsettle.report.page import Bullets, Page, Table, Text
 
 CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")

@@ -1,7 +1,4 @@
-"""Scenario table and variants: what ran, with the tonnages of trains and of the study.
-
-Depends on: report.material, report.page, report.words, traffic, units.
-"""
+"""Scenario table and variants: what ran, with the tonnages of trains and of the study."""
 
 from collections.abc import Iterator
 

@@ -2,22 +2,21 @@
 
 A run keeps no profiles. The same (seed, index) gives the same track, so what a picture needs of one
 is computed again from the study and Step A, in a moment.
-
-Depends on: engine, irregularity, report.material, scene, step_a, track_case, units, views.results.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from mcsettle import engine
-from mcsettle.case import Case
-from mcsettle.irregularity import to_space
+from mcsettle.railway.irregularity import to_space
+from mcsettle.report.figures.results import MixedDays, Profile
 from mcsettle.report.material import Material
-from mcsettle.scene import build_case, initial_profiles
-from mcsettle.step_a import StepA, step_a, study_wavenumbers
+from mcsettle.run.scenario import build_case, initial_profiles
+from mcsettle.run.transfers import StepA, step_a
+from mcsettle.step_b import engine
+from mcsettle.step_b.case import Case
+from mcsettle.study.study import study_wavenumbers
 from mcsettle.units import MM
-from mcsettle.views.results import MixedDays, Profile
 
 TRACK = 0  # the realisation that the pictures follow
 MIXED_FROM, MIXED_DAYS, MIXED_POINTS = 2.0, 2.0, 400

@@ -1,14 +1,11 @@
-"""Numbers and names in words: rounded to what is known, signs and empty values readable.
-
-Depends on: estimate, page, summary.
-"""
+"""Numbers and names in words: rounded to what is known, signs and empty values readable."""
 
 import math
 import re
 import unicodedata
 
-from mcsettle.estimate import Estimate
-from mcsettle.summary import SummaryRow
+from mcsettle.estimate.estimate import Estimate
+from mcsettle.summary.summary import SummaryRow
 
 NOT_REACHED = "not reached"
 DAYS = "tamping_interval_days"

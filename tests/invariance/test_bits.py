@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import toy
 
-from mcsettle.case import Case
-from mcsettle.engine import Engine
+from mcsettle.step_b.case import Case
+from mcsettle.step_b.engine import Engine
 
 TESTS = Path(__file__).resolve().parents[1]
 N = 70  # a full tile of lanes and a begun one
@@ -115,7 +115,7 @@ SCRIPT = """
 import sys
 import numpy as np
 sys.path[:0] = sys.argv[3:]
-from mcsettle.engine import Engine
+from mcsettle.step_b.engine import Engine
 import test_bits
 out = {}
 for stepping, side in test_bits.RUNS:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import toy
 
-from mcsettle.kernels import march, runtime, spectral
-from mcsettle.spectral import axle_form, fast_growth, growth, mode_pairs, stacked, tables
+from mcsettle.kernels import lanes, runtime, spectral
+from mcsettle.step_b.spectral import axle_form, fast_growth, growth, mode_pairs, stacked, tables
 
 # Both sum some thousand products in f64 in another order: 1e-13 of the largest, with room.
 TOLERANCE = 1e-10
@@ -95,7 +95,7 @@ def test_a_march_through_the_limit(n):
     load = rng.integers(0, 4, 400).astype(np.int32)
     weights = toy.FACTOR * 1.5e-4 * rng.random((400, 3))
     expected = numpy_march(amplitudes, limit, load, weights, loads, pairs)
-    state = march.March(amplitudes, limit, tables(pairs), 3)
+    state = lanes.March(amplitudes, limit, tables(pairs), 3)
     parts = [np.stack([getattr(f, name) for f in loads]) for name in ("constant", "mean")]
     form = np.stack([f.packed() for f in loads])
     for piece in (slice(0, 1), slice(1, 150), slice(150, 400)):
@@ -127,7 +127,7 @@ def test_a_broken_neighbour_is_not_felt():
 def test_a_batch_of_a_march_has_a_size():
     pairs, _ = forms(shortest=8.0)
     with pytest.raises(ValueError, match="at most 2048"):
-        march.March(np.zeros((spectral.CAPACITY + 1, 20)), 1.0, tables(pairs), 3)
+        lanes.March(np.zeros((spectral.CAPACITY + 1, 20)), 1.0, tables(pairs), 3)
 
 
 SCRIPT = """
@@ -136,9 +136,9 @@ import numpy as np
 from mcsettle.kernels import runtime
 assert runtime.start(debug=True)["debug"]
 import toy
-from mcsettle.engine import Engine
-from mcsettle.pointwise import pointwise_growth, pointwise_load
-from mcsettle.spectral import axle_form, fast_growth, mode_pairs
+from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
+from mcsettle.step_b.spectral import axle_form, fast_growth, mode_pairs
 case = toy.case((("car", 2), ("freight", 1)), shortest=8.0, horizon=1.0)
 u = toy.profiles(range(65), shortest=8.0)
 Engine(case, "every_axle").run(u, np.array([0.0, 0.5]))

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from mcsettle.fem25d.element import isotropic_stiffness
-from mcsettle.fem25d.grid import growing_lines, uniform_lines, with_border
-from mcsettle.fem25d.pml import Border
-from mcsettle.fem25d.section import Ground, Section, build_section
+from mcsettle.step_a.fem25d.element import isotropic_stiffness
+from mcsettle.step_a.fem25d.mesh_lines import growing_lines, uniform_lines, with_border
+from mcsettle.step_a.fem25d.pml import Border
+from mcsettle.step_a.fem25d.section import Ground, Section, build_section
 
 YOUNG, POISSON, DENSITY = 80e6, 0.3, 1900.0
 SHEAR = YOUNG / (2.0 * (1.0 + POISSON))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from half_space import C_P, half_space
 
-from mcsettle.fem25d.pml import Border, border_lengths
-from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.step_a.fem25d.pml import Border, border_lengths
+from mcsettle.step_a.fem25d.solve import outputs, solve
 
 CASES = [(0.02, 5.0), (0.1, 60.0), (0.3, 150.0)]  # all ω > k c_P: body and surface waves
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import kv
 
-from mcsettle.halfspace import strip_stress
+from mcsettle.step_a.halfspace import strip_stress
 
 WIDTH, POISSON = 2.5, 0.3
 

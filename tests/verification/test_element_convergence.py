@@ -7,7 +7,7 @@ equation: (ũx, uy, uz) = (-k, ∂y, ∂z) φ. Quadratic elements: third order i
 import numpy as np
 import skfem
 
-from mcsettle.fem25d.element import (
+from mcsettle.step_a.fem25d.element import (
     Cells,
     assemble_operators,
     isotropic_stiffness,

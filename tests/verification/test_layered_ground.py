@@ -6,10 +6,10 @@ The ground of the validation case (0.5 m of soft soil on a half-space), damped, 
 import numpy as np
 import pytest
 
-from mcsettle.fem25d.pml import Border
-from mcsettle.fem25d.section import MeshSettings
-from mcsettle.track import VALIDATION_TRACK
-from mcsettle.validate_section import DEPTHS, WIDTH, ground_section, section_and_exact
+from mcsettle.railway.track import VALIDATION_TRACK
+from mcsettle.step_a.fem25d.pml import Border
+from mcsettle.step_a.fem25d.section import MeshSettings
+from mcsettle.verification.section_cases import DEPTHS, WIDTH, ground_section, section_and_exact
 
 LAYERS = VALIDATION_TRACK.ground
 

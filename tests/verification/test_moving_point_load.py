@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from half_space import C_P, C_S, DEPTHS, POISSON, SHEAR, TOTAL, half_space, surface_unknowns
 
-from mcsettle.fem25d.pml import Border
-from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.step_a.fem25d.pml import Border
+from mcsettle.step_a.fem25d.solve import outputs, solve
 
 A = 0.6  # m
 EDGES = np.array([0.0, 0.003, 0.03, 0.15, 0.4, 0.8, 1.4, 2.2, 3.2, 4.6, 6.5])

@@ -8,7 +8,7 @@ import pytest
 from half_space import DEPTHS, HALF_WIDTH, POISSON, SHEAR, TOTAL, half_space, surface_unknowns
 from scipy.special import k0, kn
 
-from mcsettle.fem25d.solve import outputs, solve
+from mcsettle.step_a.fem25d.solve import outputs, solve
 
 POINTS, SHARES = np.polynomial.legendre.leggauss(8)
 SHARES = SHARES / 2.0

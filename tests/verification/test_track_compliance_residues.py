@@ -8,10 +8,10 @@ support of the package, with sgn ω, is not analytic: it has no residues.)
 import numpy as np
 import pytest
 
-from mcsettle.beam import beam_response
-from mcsettle.interaction import track_compliance_matrix
-from mcsettle.track import TOY_TRACK
-from mcsettle.transfer import WavenumberSpectra
+from mcsettle.railway.track import TOY_TRACK
+from mcsettle.step_a.beam import beam_response
+from mcsettle.step_a.interaction import track_compliance_matrix
+from mcsettle.step_a.transfer import WavenumberSpectra
 
 SUPPORT = 100e6
 BENDING = 2.1e11 * 30.55e-6

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mcsettle.vehicle import FREIGHT, PASSENGER, natural_frequencies, vehicle_compliance
+from mcsettle.railway.vehicle import FREIGHT, PASSENGER, natural_frequencies, vehicle_compliance
 
 
 def hertz(stiffness, mass):

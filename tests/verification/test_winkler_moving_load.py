@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from mcsettle.beam import beam_response
-from mcsettle.interaction import precompute
-from mcsettle.track import TOY_TRACK
-from mcsettle.traffic import Train
-from mcsettle.vehicle import FREIGHT
+from mcsettle.railway.track import TOY_TRACK
+from mcsettle.railway.traffic import Train
+from mcsettle.railway.vehicle import FREIGHT
+from mcsettle.step_a.beam import beam_response
+from mcsettle.step_a.interaction import precompute
 
 SUPPORT = 100e6
 BENDING = 2.1e11 * 30.55e-6

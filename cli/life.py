@@ -1,0 +1,137 @@
+"""``mcsettle life``: what is printed and written of tracks that are tamped again and again."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mcsettle.cli.terminal import talk
+from mcsettle.units import MM
+
+if TYPE_CHECKING:
+    from mcsettle.analysis.life import Life
+
+LEVELS = (0.05, 0.5, 0.95)
+
+
+def life_lines(found: Sequence["Life"]) -> Iterator[str]:
+    """Present cost of the sequence and by Eq. (4), marginal costs, tampings of a life."""
+    for life in found:
+        yield f"== {life.variant} {life.scenario}: {len(life.cost)} tracks{_open(life)}"
+        yield f"{'':<34}{'mean':>10} {'± s.e.':>9} {'P5':>10} {'P50':>10} {'P95':>10}"
+        for text, values in _rows(life):
+            known = values[np.isfinite(values)]
+            if len(known):
+                yield _line(text, known)
+    yield "Costs are GBP/track-km; marginal costs in the unit of the study's effect."
+
+
+def life_json(found: Sequence["Life"]) -> str:
+    """Means, errors and quantiles of every row, as JSON."""
+    data = [
+        {
+            "variant": life.variant,
+            "scenario": life.scenario,
+            "tracks": len(life.cost),
+            "open": int(life.sequence.open.sum()),
+            "unit": life.unit,
+            "rows": {text: _numbers(values) for text, values in _rows(life)},
+        }
+        for life in found
+    ]
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def write_lives(found: Sequence["Life"], folder: Path) -> None:
+    """Tables ``lives`` (a row for each track) and ``tampings`` (one for each tamping)."""
+    import pandas as pd
+
+    from mcsettle.storage.files import write_whole
+
+    lives, tampings = [], []
+    for life in found:
+        own = {"variant": life.variant, "scenario": life.scenario}
+        for r in range(len(life.cost)):
+            lives.append(
+                own
+                | {
+                    "realisation": r,
+                    "tampings": int(life.sequence.count[r]),
+                    "open": bool(life.sequence.open[r]),
+                    "present_cost_gbp_per_track_km": life.cost[r],
+                    "present_cost_eq4_gbp_per_track_km": life.constant[r],
+                    "marginal_cost": life.marginal[r],
+                    "marginal_cost_eq8_9": life.marginal_constant[r],
+                }
+            )
+        for r, c in zip(*np.nonzero(~np.isnan(life.sequence.years)), strict=True):
+            tampings.append(
+                own
+                | {
+                    "realisation": int(r),
+                    "tamping": int(c) + 1,
+                    "year": life.sequence.years[r, c],
+                    "sd_after_mm": life.sd_after[r, c] / MM,
+                }
+            )
+    for name, rows in (("lives", lives), ("tampings", tampings)):
+        frame = pd.DataFrame(rows)
+
+        def fill(path: Path, frame: pd.DataFrame = frame) -> None:
+            frame.to_parquet(path, index=False)
+
+        write_whole(folder, f"{name}.parquet", fill)
+    talk(f"Wrote lives.parquet and tampings.parquet to {folder}")
+
+
+def _rows(life: "Life") -> list[tuple[str, np.ndarray]]:
+    years = np.concatenate([np.zeros((len(life.cost), 1)), life.sequence.years], axis=1)
+    intervals = np.diff(years, axis=1)
+    rows: list[tuple[str, Any]] = [
+        ("present cost, this sequence", life.cost),
+        ("present cost, Eq. (4)", life.constant),
+        ("ratio of the two", life.cost / life.constant),
+        ("first interval, years", intervals[:, 0]),
+    ]
+    if intervals.shape[1] > 1:
+        rows.append(("second interval, years", intervals[:, 1]))
+    if np.isfinite(life.sequence.life):
+        rows.append(("tampings of a life", life.sequence.count.astype(float)))
+    rows += [
+        ("marginal cost, this sequence", life.marginal),
+        ("marginal cost, Eqs. (8), (9)", life.marginal_constant),
+    ]
+    return rows
+
+
+def _line(text: str, known: np.ndarray) -> str:
+    error = f"{_error(known):.2g}" if len(known) > 1 else "-"
+    low, middle, high = np.quantile(known, LEVELS)
+    return f"{text:<34}{known.mean():>10.5g} {error:>9} {low:>10.5g} {middle:>10.5g} {high:>10.5g}"
+
+
+def _numbers(values: np.ndarray) -> dict[str, float | int | None]:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return {"n": 0, "mean": None, "standard_error": None, "p5": None, "p50": None, "p95": None}
+    low, middle, high = (float(q) for q in np.quantile(known, LEVELS))
+    error = _error(known) if len(known) > 1 else None
+    return {
+        "n": len(known),
+        "mean": float(known.mean()),
+        "standard_error": error,
+        "p5": low,
+        "p50": middle,
+        "p95": high,
+    }
+
+
+def _error(known: np.ndarray) -> float:
+    return float(known.std(ddof=1) / np.sqrt(len(known)))
+
+
+def _open(life: "Life") -> str:
+    n = int(life.sequence.open.sum())
+    return f", {n} of them followed no further (a lower bound)" if n else ""

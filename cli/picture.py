@@ -1,0 +1,51 @@
+"""The picture beside a summary: SD in time, survival of the interval, marginal costs of one variant."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mcsettle.errors import InputError
+
+if TYPE_CHECKING:
+    from mcsettle.summary.results import Results
+    from mcsettle.summary.summary import SummaryRow
+
+FORMATS = (".png", ".svg", ".pdf")
+
+
+def checked_picture(path: Path) -> Path:
+    """``path`` if its ending names a picture format.
+
+    Raises
+    ------
+    InputError
+        It does not.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"--picture {path}: choose a name that ends in {', '.join(FORMATS)}")
+    return path
+
+
+def draw(results: "Results", rows: "list[SummaryRow]", folder: Path, path: Path) -> None:
+    """Draw the first variant of the finished run in ``folder``."""
+    from mcsettle.report.curves import fans, spreads, survivals
+    from mcsettle.report.figures.results import overview_figure
+    from mcsettle.report.figures.style import save
+    from mcsettle.report.material import Material
+    from mcsettle.report.words import unit_words
+    from mcsettle.storage.store import read_provenance
+
+    variant = results.study.variants[0]
+    material = Material(results, tuple(rows), read_provenance(folder), variant.name)
+    costs = spreads(material, "marginal_cost") if material.compared else []
+    change = results.study.change(material.compared[0]) if material.compared else None
+    label = "" if change is None else f"marginal cost\n[{unit_words(change.unit)}]"
+    figure = overview_figure(
+        fans(material),
+        results.study.limit.sd_limit_mm,
+        survivals(material),
+        costs,
+        label,
+        f"{results.study.title}  {variant.name}: {variant.title}".strip(": "),
+    )
+    path = checked_picture(path)
+    save(figure, path.absolute().parent, path.stem, (path.suffix.lower().lstrip("."),))

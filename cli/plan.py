@@ -1,0 +1,47 @@
+"""``mcsettle plan``, and the plan that a long run begins with."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from mcsettle.cli.terminal import Progress, cores, talk
+from mcsettle.run.plan import Plan, is_long, plan
+
+if TYPE_CHECKING:
+    from mcsettle.study.study import Study
+
+
+def tell_plan(study: "Study", threads: int | None, batch: int | None) -> None:
+    """Print the plan of a long run before it begins."""
+    if is_long(study):
+        talk(plan_text(plan(study, threads, batch, Progress(), cores())))
+
+
+def plan_text(found: Plan) -> str:
+    """A plan in a few lines."""
+    return "\n".join(_lines(found))
+
+
+def plan_json(found: Plan) -> str:
+    """A plan as JSON."""
+    return json.dumps(asdict(found), indent=2)
+
+
+def _lines(found: Plan) -> Iterator[str]:
+    sets = f" × {found.parameter_sets} parameter sets" if found.parameter_sets > 1 else ""
+    yield (
+        f"rows      {found.rows} = {found.realisations} realisations × {found.scenarios} scenarios"
+        f" × {found.variants} variants{sets}"
+    )
+    yield f"stepping  {found.stepping}, {found.modes} modes, {found.passages:.3g} axle passages"
+    yield f"batches   {found.batches} of up to {found.batch} realisations"
+    yield f"memory    {found.memory_mb:.0f} MB"
+    yield f"disk      {found.disk_mb:.1f} MB"
+    yield f"time      {_duration(found.seconds)} on this machine as busy as it is now, Step A apart"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"

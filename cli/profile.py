@@ -1,0 +1,176 @@
+"""``mcsettle profile``: a measured record as the options or a study describe it."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mcsettle.cli.terminal import talk
+from mcsettle.errors import InputError
+
+if TYPE_CHECKING:
+    from mcsettle.analysis.profile import ProfileReport
+    from mcsettle.study.study import Study
+
+MOST_SHOWN = 40  # sections on a screen
+
+
+def report_of(path: Path, options: dict[str, Any], speed: float | None) -> "ProfileReport":
+    """The report of a record, or of the record of the study at ``path``.
+
+    Raises
+    ------
+    InputError
+        The record cannot be used, or options come with a study.
+    """
+    from mcsettle.analysis.profile import profile_report
+    from mcsettle.railway.irregularity import wavenumbers
+    from mcsettle.study.build import build_record
+    from mcsettle.study.study import load_study
+
+    given = {key: value for key, value in options.items() if value is not None}
+    if path.suffix.lower() == ".toml":
+        if given:
+            raise InputError(
+                f"{path} is a study and says how its record is read; leave out "
+                + ", ".join(f"--{key.replace('_', '-')}" for key in given)
+            )
+        study = load_study(path)
+    else:
+        study = _study_around(path, given)
+    record = study.record()
+    if record is None:
+        raise InputError(f"{path} names no record: give profile.file, or a CSV or Parquet file")
+    profile = study.profile
+    band = build_record(profile, path, "").band
+    modes = wavenumbers(profile.window_m, profile.shortest_m, profile.longest_m)
+    return profile_report(record, profile.window_m, modes, band, speed)
+
+
+def _study_around(path: Path, given: dict[str, Any]) -> "Study":
+    """The smallest study whose profile is the record at ``path``: its checks are the study's."""
+    from mcsettle.study.study import Study
+
+    own = {"window_m", "shortest_m", "longest_m"}
+    d1 = given.get("filter") == "en13848_d1"
+    band = {"shortest_m": 3.0, "longest_m": 25.0} if d1 else {}
+    profile = band | {key: value for key, value in given.items() if key in own}
+    record = {key: value for key, value in given.items() if key not in own}
+    timetable = [{"train": "t", "speed_kmh": 100.0, "per_day": 1}]
+    data = {
+        "schema_version": 1,
+        "files_outside": True,
+        "track": {"model": "beam"},
+        "profile": {"file": str(path.absolute()), "record": record, **profile},
+        "limit": {"sd_limit_mm": 100.0},
+        "trains": {"t": {"vehicle": "passenger", "cars": 1}},
+        "scenarios": [{"name": "s", "timetable": timetable}],
+    }
+    return Study.from_mapping(data, str(path))
+
+
+def report_lines(report: "ProfileReport") -> Iterator[str]:
+    """A report in words and tables."""
+    run = f", run '{report.run}'" if report.run else ""
+    yield (
+        f"record{run}: {report.points} points over {report.length:.6g} m, "
+        f"{report.median_step:.4g} m apart"
+    )
+    for finding in report.findings:
+        yield f"finding: {finding.kind}: {finding.text}"
+    if not report.findings:
+        yield "findings: none"
+    band = report.band
+    order = "" if band.kind == "ideal" else f" of order {band.order}, forwards and backwards"
+    yield (
+        f"filter: {band.kind}{order}, {band.shortest:g} to {band.longest:g} m; its SD is "
+        f"{report.filter_effect:.3f} of the ideal band's"
+    )
+    yield (
+        f"SD of {len(report.sd)} sections of {report.window:g} m: mean {np.mean(report.sd) * 1e3:.3f}, "
+        f"{np.min(report.sd) * 1e3:.3f} to {np.max(report.sd) * 1e3:.3f} mm; "
+        f"D1 (3 to 25 m) mean {np.mean(report.sd_d1) * 1e3:.3f} mm"
+    )
+    classes = f"  class at {report.speed_kmh:g} km/h" if report.classes else ""
+    yield f"{'from':>10} {'SD [mm]':>9} {'D1 [mm]':>9}{classes}"
+    for i in range(min(len(report.sd), MOST_SHOWN)):
+        name = f"  {report.classes[i]}" if report.classes else ""
+        yield (
+            f"{report.sections.starts[i]:>10.1f} {report.sd[i] * 1e3:>9.3f} "
+            f"{report.sd_d1[i] * 1e3:>9.3f}{name}"
+        )
+    if len(report.sd) > MOST_SHOWN:
+        yield f"… and {len(report.sd) - MOST_SHOWN} more: --json or --out lists them"
+    yield "fitted spectra (nearest published class; misfit over wavelength in decades):"
+    for fit in report.fits:
+        yield (
+            f"  {fit.shape:<15} {fit.roughness:.4g} ± {fit.standard_error:.2g} {fit.unit}"
+            f"  ({fit.nearest}; {fit.misfit:.2f})"
+        )
+
+
+def report_json(report: "ProfileReport") -> str:
+    """Every number of a report as JSON."""
+    data = {
+        "run": report.run,
+        "length_m": report.length,
+        "median_step_m": report.median_step,
+        "points": report.points,
+        "findings": [
+            {
+                "kind": f.kind,
+                "count": f.count,
+                "first_m": f.first if np.isfinite(f.first) else None,
+                "text": f.text,
+            }
+            for f in report.findings
+        ],
+        "filter": {
+            "kind": report.band.kind,
+            "order": report.band.order,
+            "shortest_m": report.band.shortest,
+            "longest_m": report.band.longest,
+            "sd_over_ideal": report.filter_effect,
+        },
+        "window_m": report.window,
+        "sections": [
+            {
+                "start_m": float(start),
+                "sd_mm": float(sd) * 1e3,
+                "sd_d1_mm": float(d1) * 1e3,
+                "class": report.classes[i] if report.classes else None,
+            }
+            for i, (start, sd, d1) in enumerate(
+                zip(report.sections.starts, report.sd, report.sd_d1, strict=True)
+            )
+        ],
+        "spectrum": [
+            {"wavelength_m": float(2.0 * np.pi / k), "density_m2_per_rad_per_m": float(p)}
+            for k, p in zip(report.wavenumbers, report.power, strict=True)
+        ],
+        "fits": [
+            {
+                "shape": f.shape,
+                "roughness": f.roughness,
+                "standard_error": f.standard_error,
+                "unit": f.unit,
+                "nearest": f.nearest,
+                "misfit_decades": f.misfit,
+            }
+            for f in report.fits
+        ],
+    }
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def write_report(report: "ProfileReport", folder: Path, title: str) -> None:
+    """Picture and JSON of a report into ``folder``."""
+    from mcsettle.report.figures.profile import profile_figure
+    from mcsettle.report.figures.style import save
+    from mcsettle.storage.files import write_text
+
+    written = save(profile_figure(report, title), folder, "profile")
+    written.append(write_text(folder, "profile.json", report_json(report) + "\n"))
+    talk("Wrote " + ", ".join(str(path) for path in written))

@@ -1,0 +1,150 @@
+"""``mcsettle report``, ``export`` and ``compare``: from the folder of a run to what people read."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mcsettle.cli.terminal import Progress, cores, plainly, talk
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.")]
+
+
+@plainly
+def report(
+    folder: Folder,
+    out: Annotated[
+        Path | None, typer.Option(help="HTML file to write (default: DIR.html, beside DIR).")
+    ] = None,
+    variant: Annotated[
+        str | None, typer.Option(help="Variant of the first page (default: the first).")
+    ] = None,
+    miles: Annotated[bool, typer.Option("--miles", help="Costs per mile.")] = False,
+    no_step_a: Annotated[
+        bool, typer.Option("--no-step-a", help="Leave out the pictures of the track.")
+    ] = False,
+    tornado: Annotated[
+        bool, typer.Option("--tornado", help="Also move each uncertain input by itself.")
+    ] = False,
+    figures: Annotated[
+        Path | None, typer.Option(help="Also write every picture there (SVG, PNG, PDF).")
+    ] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(help="Also write texts and tables into this Markdown file.")
+    ] = None,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Also print the page to PDF (extra 'pdf').")
+    ] = False,
+) -> None:
+    """Write the report of a run: one HTML file that needs nothing else."""
+    from mcsettle.report.build import read_report
+    from mcsettle.report.render import html
+    from mcsettle.report.render import markdown as as_markdown
+
+    target = checked_file(out or beside(folder, ".html"), ".html")
+    if pdf:
+        from mcsettle.report.pdf import find_browser
+
+        find_browser()  # before anything takes its time
+    page = read_report(folder, variant, miles, not no_step_a, tornado, Progress(), cores())
+    text = html(page)
+    written = [written_file(target, text.encode("utf-8"))]
+    if markdown is not None:
+        written.append(written_file(markdown, as_markdown(page).encode("utf-8")))
+    if figures is not None:
+        from mcsettle.report.figures.style import METADATA, save
+
+        for picture in page.pictures:
+            written += save(picture.figure, figures, picture.name, tuple(METADATA))
+    if pdf:
+        from mcsettle.report.pdf import print_pdf
+
+        written.append(written_file(target.with_suffix(".pdf"), print_pdf(text)))
+    for path in written[:4]:
+        talk(f"Wrote {path}")
+    if len(written) > 4:
+        talk(f"and {len(written) - 4} more files")
+
+
+@plainly
+def export(
+    folder: Folder,
+    xlsx: Annotated[
+        Path | None, typer.Option(help="Workbook to write (default: DIR.xlsx, beside DIR).")
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="Folder for CSV files, written instead of a workbook.")
+    ] = None,
+) -> None:
+    """Write summary, effects, inputs and provenance for workbooks: XLSX, or CSV."""
+    from mcsettle.cli.terminal import checked_folder
+    from mcsettle.report.export import write_csv, write_xlsx
+    from mcsettle.report.material import read_material
+
+    if csv is not None:
+        checked_folder(csv, "--csv")
+    if xlsx is not None or csv is None:
+        xlsx = checked_file(xlsx or beside(folder, ".xlsx"), ".xlsx", "--xlsx")
+    material = read_material(folder)
+    if csv is not None:
+        written = write_csv(material, csv)
+        talk(f"Wrote {len(written)} files to {csv}")
+    if xlsx is not None:
+        for remark in write_xlsx(material, xlsx):
+            talk(f"remark: {remark}")
+        talk(f"Wrote {xlsx}")
+
+
+@plainly
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="DIR1", help="Folder of a finished run.")],
+    second: Annotated[Path, typer.Argument(metavar="DIR2", help="Folder of another one.")],
+    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Set two runs, or two studies, side by side: paired on the tracks they share."""
+    from mcsettle.cli.compare import comparison_json, print_comparison
+    from mcsettle.summary.compare import compare as compared
+    from mcsettle.summary.results import read_results
+
+    found = compared(read_results(first), read_results(second))
+    if json_output:
+        typer.echo(comparison_json(found))
+    else:
+        print_comparison(found)
+
+
+def beside(folder: Path, ending: str) -> Path:
+    """A file beside the folder of a run: nothing is added to what the manifest lists."""
+    whole = folder.absolute()
+    return whole.with_name(whole.name + ending)
+
+
+def checked_file(path: Path, ending: str, option: str = "--out") -> Path:
+    """``path`` if it has the ending and is no folder.
+
+    Raises
+    ------
+    InputError
+        Another ending, or a folder stands there.
+    """
+    from mcsettle.errors import InputError
+
+    if path.suffix.lower() != ending:
+        raise InputError(f"{option} {path}: choose a name that ends in {ending}")
+    if path.is_dir():
+        raise InputError(f"{option} {path} is a folder; name a file")
+    return path
+
+
+def written_file(path: Path, content: bytes) -> Path:
+    """Write a file whole or not at all; its folder is made."""
+    from mcsettle.storage.files import write_whole
+
+    def fill(aside: Path) -> None:
+        aside.write_bytes(content)
+
+    done = write_whole(path.absolute().parent, path.name, fill)
+    aside = done.parent / ".tmp"
+    if aside.is_dir() and not any(aside.iterdir()):
+        aside.rmdir()
+    return path

@@ -1,0 +1,308 @@
+"""What the commands print: tables, JSON and one picture, from a study and its results alone."""
+
+import dataclasses
+import json
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mcsettle.analysis.table4 import Increase
+    from mcsettle.analysis.track_summary import Row
+    from mcsettle.estimate.estimate import Estimate
+    from mcsettle.study.study import Study
+    from mcsettle.summary.results import Results
+    from mcsettle.summary.summary import SummaryRow
+
+
+def study_lines(study: "Study") -> Iterator[str]:
+    """A sound study in a few lines."""
+    yield f"{study.title or 'untitled'}: sound"
+    yield f"digest {study.digest}"
+    yield (
+        f"track {study.track_table.preset_name}, {study.run.realisations} realisations, "
+        f"limit {study.limit.sd_limit_mm:g} mm"
+    )
+    for scenario in study.scenarios:
+        services = ", ".join(
+            f"{s.per_day} × {s.train} at {s.speed_kmh:g} km/h" for s in scenario.timetable
+        )
+        tonnage = study.mgt_per_day(scenario.name)
+        yield f"scenario {scenario.name}: {services}; {tonnage:.6g} MGT/day"
+    for name in study.variant_names:
+        settings = study.settlement_settings(name)
+        yield (
+            f"variant {name}: {settings.stress} stress, {settings.cycles} cycles, "
+            f"settlement factor {settings.settlement_factor:g}"
+        )
+
+
+def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
+    """Every number of the summary as JSON, standard errors and intervals included."""
+    from mcsettle.cli.summarise import weights_json
+
+    study = results.study
+    keys = ["variant", "scenario", "status"]
+    counts = results.realisations.groupby(keys).size().reset_index(name="n")
+    data = {
+        "title": study.title,
+        "study_digest": study.digest,
+        "seed": study.seed,
+        "counts": [
+            {key: row[key] for key in keys} | {"n": int(row["n"])} for _, row in counts.iterrows()
+        ],
+        "conditioning": list(weights_json(results)),
+        "rows": [_json_row(row) for row in rows],
+    }
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
+    """Print one table a variant on stdout."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from mcsettle.cli.spread import print_spread
+    from mcsettle.cli.summarise import conditioned_cells, print_inputs
+
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console.print(results.study.title or "untitled", style="bold", markup=False)
+    for variant in results.study.variants:
+        own = [row for row in rows if row.variant == variant.name]
+        title = f"{variant.name}: {variant.title}" if variant.title else variant.name
+        table = Table(title=title, title_justify="left", pad_edge=False)
+        table.add_column("scenario", overflow="fold")
+        table.add_column("metric", no_wrap=True)
+        table.add_column("unit", overflow="fold")
+        for heading in ("P5", "P50 ± s.e.", "P95", "n", "cens.", "published", "at"):
+            table.add_column(heading, justify="right")
+        previous = ""
+        for row in own:
+            table.add_row(*_cells(row, row.scenario != previous))
+            given = conditioned_cells(row)
+            if given is not None:
+                table.add_row(*given)
+            previous = row.scenario
+        console.print(table if own else f"{title}: no realisation has a result")
+        print_spread(own)
+        print_inputs(results, variant.name)
+    for line in _remarks(results):
+        console.print(line, markup=False)
+
+
+def calibration_lines(found: Any) -> Iterator[str]:
+    """A calibration: the factor and what it belongs to as lines of TOML, and what was done."""
+    yield f"settlement_factor = {found.factor:.6g}"
+    yield f'factor_digest = "{found.factor_digest}"'
+    for field in dataclasses.fields(found):
+        if field.name not in ("factor", "factor_digest"):
+            yield f"# {field.name}: {_value(getattr(found, field.name))}"
+
+
+def track_lines(rows: "list[Row]") -> Iterator[str]:
+    """Rows (quantity, value, unit) in columns, four digits."""
+    width = max((len(name) for name, _, _ in rows), default=0)
+    for name, value, unit in rows:
+        text = value if isinstance(value, str) else f"{value:.4g}"
+        yield f"{name:<{width}}  {text:>9} {unit}".rstrip()
+
+
+def table4_lines(table: "list[Increase]") -> Iterator[str]:
+    """Table 4: a line a definition, the published values below each kind; nothing if empty."""
+    from mcsettle.analysis.table4 import DEFINITIONS, REALISATIONS
+    from mcsettle.units import KMH
+
+    if not table:
+        return
+    speeds = [f"{speed / KMH:.0f} km/h" for speed in dict.fromkeys(row.speed for row in table)]
+    yield ""
+    yield f"Increase of deviatoric stress at the subgrade surface over {speeds[0]} (Table 4), in %"
+    yield f"{'':<32}" + "".join(f"{speed:>23}" for speed in speeds[1:])
+    names = list(DEFINITIONS)
+    for name, following in zip(names, [*names[1:], ""], strict=True):
+        own = [row for row in table if row.definition == name][1:]
+        yield f"{name:<32}" + "".join(f"{_increase(row):>23}" for row in own)
+        last = name.split(",")[0] != following.split(",")[0]  # of its kind
+        if last and any(row.published is not None for row in own):
+            published = ["–" if row.published is None else f"{row.published:g}" for row in own]
+            yield f"{'  published':<32}" + "".join(f"{value:>23}" for value in published)
+    for name, meaning in DEFINITIONS.items():
+        yield f"{name}: {meaning}"
+    yield f"in brackets: P5 to P95 over {REALISATIONS} realisations of the profile"
+    yield from (f"published: {source}" for source in sorted({r.source for r in table if r.source}))
+
+
+def _increase(row: "Increase") -> str:
+    spread = "" if row.low == row.high else f" ({row.low:.1f} to {row.high:.1f})"
+    return f"{row.percent:.2f}{spread}"
+
+
+def _cells(row: "SummaryRow", first: bool) -> list[str]:
+    middle = row.at(0.5)
+    error = middle.standard_error
+    centre = _number(middle) + (f" ± {error:.2g}" if error and middle.value is not None else "")
+    published = f"{row.reference.value:g}" if row.reference else ""
+    percent = _percentile(row)
+    counts = [str(middle.n), str(middle.n_censored)]
+    name = row.scenario if first else ""
+    low, high = _number(row.at(0.05)), _number(row.at(0.95))
+    return [name, row.metric, row.unit, low, centre, high, *counts, published, percent]
+
+
+def _percentile(row: "SummaryRow") -> str:
+    """Where the published value falls, and in brackets where it might with what is not known."""
+    if row.reference_percent is None or row.reference_range is None:
+        return ""
+    low, high = (round(end) for end in row.reference_range)
+    return f"P{row.reference_percent:.0f}" + (f" ({low}–{high})" if low != high else "")
+
+
+def _number(estimate: "Estimate") -> str:
+    return "–" if estimate.value is None else f"{estimate.value:.4g}"
+
+
+def _remarks(results: "Results") -> Iterator[str]:
+    yield (
+        f"P5, P50, P95: spread between {_what_varies(results)}. ± s.e.: Monte Carlo error of "
+        "the median. –: not reached, or not known for too many censored tracks."
+    )
+    yield (
+        "at: percentile of our realisations at which the published value falls; in brackets what it may "
+        "be, censored pairs being unknown."
+    )
+    sources = sorted({row.source for row in results.study.reference})
+    if sources:
+        yield f"published: {'; '.join(sources)}"
+    note = results.study.calibration
+    if note is not None:
+        target = f"{note.scenario} at {note.target_days:g} days"
+        yield f"calibration: factor {note.factor:g}, {target}. {note.note}"
+    failed = int((results.realisations["status"] == "failed").sum())
+    if failed:
+        yield f"{failed} realisations failed; the column 'failure' says why."
+
+
+def _what_varies(results: "Results") -> str:
+    sets = results.realisations["parameter_set"].nunique()
+    tracks = "realisations (track sections)"
+    return tracks if sets == 1 else f"{tracks} and {sets} parameter sets (draws of the inputs)"
+
+
+def _json_row(row: "SummaryRow") -> dict[str, Any]:
+    from mcsettle.cli.spread import spread_json
+    from mcsettle.cli.summarise import conditioned_json
+
+    reference = row.reference.model_dump() if row.reference else None
+    return {
+        "variant": row.variant,
+        "scenario": row.scenario,
+        "metric": row.metric,
+        "unit": row.unit,
+        "statistics": [
+            {"statistic": s.statistic, "level": s.level, **dataclasses.asdict(s.estimate)}
+            for s in row.statistics
+        ],
+        "spread": spread_json(row),
+        "reference": reference,
+        "reference_percent": row.reference_percent,
+        "reference_range": row.reference_range,
+        "conditioned": conditioned_json(row),
+        "conditioned_percent": row.conditioned_percent,
+    }
+
+
+def _value(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+if TYPE_CHECKING:
+    from mcsettle.summary.results import Results
+    from mcsettle.summary.summary import SummaryRow
+
+WIDTH = 140
+
+
+def conditioned_cells(row: "SummaryRow") -> list[str] | None:
+    """Cells of the second line of a row: the same numbers given the observations; None without."""
+    low, middle, high = (row.conditioned_at(level) for level in (0.05, 0.5, 0.95))
+    if low is None or middle is None or high is None:
+        return None
+    error = middle.standard_error
+    centre = _plain(middle.value)
+    centre += f" ± {error:.2g}" if error and middle.value is not None else ""
+    share = row.conditioned_percent
+    at = "" if share is None else f"P{share:.0f}"
+    return [
+        "",
+        "  given observed",
+        "",
+        _plain(low.value),
+        centre,
+        _plain(high.value),
+        "",
+        "",
+        "",
+        at,
+    ]
+
+
+def print_inputs(results: "Results", variant: str) -> None:
+    """What the observations leave of the inputs, and how many parameter sets carry the weight."""
+    from rich.console import Console
+    from rich.table import Table
+
+    found = results.conditioning(variant)
+    if found is None:
+        return
+    console = Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
+    n = len(results.study.observed)
+    console.print(
+        f"given observed: {n} observation{'s' if n > 1 else ''}; {found.effective:.1f} of "
+        f"{len(found.weights)} parameter sets carry the weight.",
+        markup=False,
+    )
+    if found.remark:
+        console.print(f"warning: {found.remark}", markup=False)
+    bands = results.input_bands(variant)
+    if not bands:
+        return
+    table = Table(title="Inputs: P5 / P50 / P95", title_justify="left", pad_edge=False)
+    table.add_column("input", overflow="fold")
+    for heading in ("as drawn", "given observed"):
+        table.add_column(heading, justify="right")
+    for band in bands:
+        cells = [" / ".join(_plain(v) for v in own) for own in (band.drawn, band.conditioned)]
+        table.add_row(band.input, *cells)
+    console.print(table)
+
+
+def conditioned_json(row: "SummaryRow") -> list[dict[str, Any]]:
+    """The conditioned statistics of a row as plain data."""
+    return [
+        {
+            "statistic": s.statistic,
+            "subject": s.subject,
+            "level": s.level,
+            **dataclasses.asdict(s.estimate),
+        }
+        for s in row.conditioned
+    ]
+
+
+def weights_json(results: "Results") -> Iterator[dict[str, Any]]:
+    """Every variant's conditioning as plain data."""
+    for variant in results.study.variant_names:
+        found = results.conditioning(variant)
+        if found is not None:
+            yield {
+                "variant": variant,
+                "parameter_sets": len(found.weights),
+                "effective": found.effective,
+                "usable": found.usable,
+                "remark": found.remark,
+                "inputs": [dataclasses.asdict(b) for b in results.input_bands(variant)],
+            }
+
+
+def _plain(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"

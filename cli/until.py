@@ -1,0 +1,41 @@
+"""``mcsettle run --until … --max-minutes …``: batches, their convergence table, how it ended."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from mcsettle.cli.spread import batch_line
+from mcsettle.cli.terminal import talk
+from mcsettle.run.pipeline import Finished, run_study
+from mcsettle.run.stopping import Batch, parse_target, run_until
+from mcsettle.study.study import Study
+
+
+def run_in_batches(
+    study: Study,
+    out: Path,
+    until: str | None,
+    max_minutes: float | None,
+    options: dict[str, Any],
+    run: Callable[..., Finished] = run_study,
+) -> tuple[Finished, bool]:
+    """Run until the target or the time; prints the table; returns the run and whether it missed.
+
+    ``run`` runs a batch.
+    """
+    target = None if until is None else parse_target(until)
+
+    def tell(batch: Batch) -> None:
+        typer.echo(batch_line(batch, target))
+
+    stopped = run_until(study, out, target, max_minutes, tell=tell, run=run, **options)
+    last = stopped.batches[-1].realisations
+    if target is not None and stopped.met:
+        talk(f"Target met with {last} realisations.")
+    elif stopped.late:
+        talk(f"Stopped for time at {last} realisations; the same command goes on from here.")
+    elif target is not None:
+        talk(f"Target missed at the cap of {last} realisations; raise --realisations to go on.")
+    return stopped.finished, target is not None and not stopped.met

@@ -1,0 +1,175 @@
+"""State of realisations that are updated passage by passage, on tiles of lanes.
+
+Realisations that have reached the limit are taken out and the others moved together as soon as that
+empties a tile: tracks differ by a factor of four in how long they last, and idle lanes cost as much as
+busy ones. A lane's result does not depend on its place, so moving changes nothing.
+"""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mcsettle.kernels import pointwise
+from mcsettle.kernels.spectral import CAPACITY, LANES, Tables, burst, workspace
+
+LAUNCH = 1e10  # floating-point operations in one launch: some tenths of a second on two cores
+
+
+class March:
+    """Up to CAPACITY realisations [R], of which the active ones occupy lanes; spectral growth."""
+
+    def __init__(
+        self,
+        amplitudes: np.ndarray,
+        power_limit: float,
+        tables: Tables,
+        n_groups: int,
+        precision: str = "f64",
+    ) -> None:
+        n_real, n_modes = amplitudes.shape
+        if n_real > CAPACITY:
+            raise ValueError(f"{n_real} realisations; at most {CAPACITY} in one batch")
+        self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
+        self.precision, self.lanes = precision, LANES[precision]
+        self.fields = self._workspace(n_modes)
+        self._u = np.array(amplitudes, dtype=complex)
+        self._active = np.sum(np.abs(amplitudes) ** 2, axis=1) < power_limit
+        self._uniform = np.zeros(n_real)
+        self._updates = np.zeros(n_real, dtype=np.int64)
+        self._load(np.flatnonzero(self._active))
+
+    @property
+    def n_tiles(self) -> int:
+        """Tiles in use."""
+        return -(-len(self._rows) // self.lanes)
+
+    def advance(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
+        """Apply the updates ``load`` [N] with ``weights`` [N, G] to every active realisation.
+
+        ``coefficients``: what the updates apply, as the kernel takes it (spectral: form, constant and
+        mean of ``burst``; pointwise: none, they are the march's tables).
+        """
+        self._check_owner()
+        self._launch(load, weights, *coefficients)
+        self._active[self._rows] = self._lanes(self.fields.active) > 0.5
+        busy = int(self._active.sum())
+        if busy <= (self.n_tiles - 1) * self.lanes:
+            self._store()
+            self._load(np.flatnonzero(self._active))
+
+    def _workspace(self, n_modes: int) -> Any:
+        return workspace(n_modes, self.n_groups, self.precision)
+
+    def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
+        w = self.fields
+        burst(
+            load, weights, *coefficients, *self.tables, self.power_limit,
+            self.n_tiles, self.n_groups, w.u, w.v, w.du, w.active, w.uniform, w.passages,
+        )  # fmt: skip
+
+    def burst_size(self) -> int:
+        """Updates per launch, so that progress and Ctrl-C work."""
+        pairs = len(self.tables[0]) + len(self.tables[2])
+        return max(16, int(LAUNCH / (max(self.n_tiles, 1) * self.lanes * 16 * pairs)))
+
+    def amplitudes(self) -> np.ndarray:
+        """Complex amplitudes [R, K], m."""
+        self._store()
+        return self._u.copy()
+
+    def is_active(self) -> np.ndarray:
+        """[R] realisations below the limit."""
+        return self._active.copy()
+
+    def any_active(self) -> bool:
+        """Whether any realisation is still below the limit."""
+        return bool(self._active.any())
+
+    def updates(self) -> np.ndarray:
+        """[R] updates applied to each realisation."""
+        self._store()
+        return self._updates.copy()
+
+    def uniform(self) -> np.ndarray:
+        """[R] uniform settlement, m."""
+        self._store()
+        return self._uniform.copy()
+
+    def restore(
+        self, amplitudes: np.ndarray, active: np.ndarray, updates: np.ndarray, uniform: np.ndarray
+    ) -> None:
+        """Go on from what ``amplitudes``, ``is_active``, ``updates`` and ``uniform`` gave."""
+        self._u[:], self._active[:] = amplitudes, active
+        self._updates[:], self._uniform[:] = updates, uniform
+        self._load(np.flatnonzero(self._active))
+
+    def _load(self, rows: np.ndarray) -> None:
+        """Put the realisations ``rows`` into lanes, in order."""
+        self._rows, w = rows, self.fields
+        w.owner[:] = [self]
+        n_modes, u = self._u.shape[1], self._u[rows]
+        room = np.zeros((len(rows), w.u.shape[1], 2))  # the field may hold more modes
+        room[:, :n_modes, 0], room[:, :n_modes, 1] = u.real, u.imag
+        w.u.from_numpy(self._tiled(room))
+        self._copy(room)
+        w.active.from_numpy(self._tiled(self._active[rows].astype(float)))
+        w.uniform.from_numpy(self._tiled(self._uniform[rows]))
+        w.passages.from_numpy(self._tiled(self._updates[rows]))
+
+    def _copy(self, amplitudes: np.ndarray) -> None:
+        """The copy of the state that single precision computes from."""
+        if self.precision != "f64":
+            self.fields.v.from_numpy(self._tiled(amplitudes.astype(np.float32)))
+
+    def _store(self) -> None:
+        """Bring the lanes' state back to their realisations."""
+        rows, w = self._rows, self.fields
+        self._check_owner()
+        values = np.moveaxis(w.u.to_numpy(), -1, 1).reshape(CAPACITY, -1, 2)
+        values = values[: len(rows), : self._u.shape[1]]
+        self._u[rows] = np.ascontiguousarray(values).view(complex)[..., 0]
+        self._uniform[rows] = self._lanes(w.uniform)
+        self._updates[rows] = self._lanes(w.passages)
+
+    def _check_owner(self) -> None:
+        if self.fields.owner != [self]:
+            raise RuntimeError("another run has used these fields: advance one march at a time")
+
+    def _tiled(self, rows: np.ndarray) -> np.ndarray:
+        """[A, …] to [tiles, …, lanes], zero where there is no realisation."""
+        full = np.zeros((CAPACITY, *rows.shape[1:]), dtype=rows.dtype)
+        full[: len(rows)] = rows
+        tiles = full.reshape(-1, self.lanes, *rows.shape[1:])
+        return np.ascontiguousarray(np.moveaxis(tiles, 1, -1))
+
+    def _lanes(self, field: ti.Field) -> np.ndarray:
+        return field.to_numpy().reshape(-1)[: len(self._rows)]
+
+
+class PointwiseMarch(March):
+    """The same with growth at every x and depth; ``tables`` are those of the pointwise kernel."""
+
+    def burst_size(self) -> int:
+        """Updates per launch, so that progress and Ctrl-C work."""
+        start, kind, wave = self.tables[0], self.tables[1], self.tables[6]
+        transforms = len(kind) / (len(start) - 1)
+        return max(
+            16, int(LAUNCH / (max(self.n_tiles, 1) * self.lanes * 40 * transforms * len(wave)))
+        )
+
+    def _copy(self, amplitudes: np.ndarray) -> None:
+        """None: the kernel takes the state up anew for every passage."""
+
+    def _workspace(self, n_modes: int) -> Any:
+        n_points = len(self.tables[6])
+        w = pointwise.workspace(n_modes, n_points, self.n_groups, self.precision)
+        w.own.fill(1.0)
+        return w
+
+    def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
+        w = self.fields
+        pointwise.burst(
+            load, weights, *self.tables, w.rows, 0, self.power_limit,
+            self.n_tiles, self.n_groups, *w.scratch(),
+        )  # fmt: skip

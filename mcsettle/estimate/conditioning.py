@@ -1,0 +1,120 @@
+"""What was observed on the line, as weights of the parameter sets: bands conditioned on it.
+
+A parameter set e is as likely as it makes the observations. A section's own track is unknown: it may be
+any of the set's realisations r, so that with Gaussian errors
+
+    p(observations of a section | e) = mean over r of exp(−½ Σ ((model(e, r) − observed) / error)²),
+
+and sections are independent given the set. The median interval of n sections is taken as lognormal
+about the set's own median, with the spread of a median of n and of the set's realisations. Under the
+study's distributions as the prior, the posterior is the ensemble with weights w ∝ p (self-normalised
+importance sampling). It speaks of *other* sections of the same line: their inputs are those that the
+weights favour, their tracks are any.
+
+``effective`` = (Σw)²/Σw² sets carry the weight. Few of them are a matter of chance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from mcsettle.estimate.estimate import LEVELS
+from mcsettle.estimate.likelihood import IMPOSSIBLE, likelihood
+from mcsettle.estimate.resampling import effective
+from mcsettle.study.study import Study
+
+FEW = 20.0  # effective sets below which conditioned numbers come with a warning
+TOO_FEW = 4.0  # and below which there are none
+FIT_TRACKS = 64  # realisations, the first of a run, that a set fits its factor on
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """Weights [E] of the parameter sets of one variant, and the logarithms [E] of the likelihood."""
+
+    variant: str
+    log_likelihood: np.ndarray
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights [E] that add up to 1; all zero where no set makes the observations possible."""
+        highest = np.max(self.log_likelihood)
+        if not highest > IMPOSSIBLE:
+            return np.zeros(len(self.log_likelihood))
+        raw = np.exp(self.log_likelihood - highest)
+        return np.asarray(raw / np.sum(raw))
+
+    @property
+    def effective(self) -> float:
+        """How many sets carry the weight."""
+        return effective(self.weights)
+
+    @property
+    def usable(self) -> bool:
+        """Whether enough sets carry the weight to say anything."""
+        return self.effective >= min(TOO_FEW, len(self.log_likelihood))
+
+    @property
+    def remark(self) -> str:
+        """What to know before the conditioned numbers are believed; empty if all is well."""
+        n, n_sets = self.effective, len(self.log_likelihood)
+        if not np.any(self.weights):
+            return (
+                "no parameter set comes near the observations: widen the inputs, or check the units"
+            )
+        if not self.usable:
+            return (
+                f"only {n:.1f} of {n_sets} parameter sets carry the weight: too few for conditioned "
+                "numbers. Take more sets (--parameter-sets), or let every set fit its settlement factor "
+                "(fitted = true)"
+            )
+        if n < FEW:
+            return (
+                f"{n:.1f} of {n_sets} parameter sets carry the weight (below {FEW:g}): conditioned "
+                "numbers are rough; more sets (--parameter-sets) make them better"
+            )
+        return ""
+
+
+@dataclass(frozen=True)
+class InputBand:
+    """P5, P50, P95 of an uncertain input as drawn, and with the sets weighted by the observations."""
+
+    input: str
+    drawn: tuple[float, ...]
+    conditioned: tuple[float, ...]
+
+
+def weighted_bands(
+    values: np.ndarray, weights: np.ndarray
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """P5, P50, P95 of ``values`` [E], all alike and weighted by [E]: the first to reach each level."""
+    order = np.argsort(values, kind="stable")
+    found = []
+    for own in (np.ones(len(values)), weights):
+        cumulative = np.cumsum(own[order])
+        at = np.searchsorted(cumulative, np.array(LEVELS) * cumulative[-1] * (1.0 - 1e-12))
+        found.append(tuple(float(v) for v in values[order][np.minimum(at, len(values) - 1)]))
+    return found[0], found[1]
+
+
+def conditioned(
+    study: Study, variant: str, realisations: pd.DataFrame, history: pd.DataFrame
+) -> Conditioning:
+    """Weights of the parameter sets of ``variant`` by the study's observations.
+
+    Parameters
+    ----------
+    study : Study, with observations
+    variant : str
+    realisations, history : tables of the run
+
+    Raises
+    ------
+    InputError
+        A scenario observed has no rows.
+    """
+    found = likelihood(study, variant, realisations, history)
+    n_tracks = realisations["realisation"].nunique()
+    return Conditioning(variant, found.of_tracks(np.ones((1, n_tracks)))[0])

@@ -1,0 +1,181 @@
+"""How well a finite sample knows the quantiles of a line's mean: sets and tracks taken apart.
+
+The mean over n sections is, given a parameter set, a sum of n independent draws. Its distribution under
+resampled tracks needs no lines to be drawn: the set's mean, variance and skewness give it, as a Pearson
+type III curve in Wilson and Hilferty's form. Two errors are found on their own and joined as
+independent ones, on each side by itself (the method of variance estimates recovery):
+
+* tracks: they shift and widen the curves. Of one parameter set the interval is studentised, of several
+  a percentile one;
+* sets: the quantile of a mixture over E sets has order statistics for limits (``order``); where the sets
+  are too few to give one, that side is open.
+
+References: Wilson and Hilferty (1931), PNAS 17, 684–688; Zou and Donner (2008), Statistics in Medicine
+27, 1693–1702.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from mcsettle.estimate.order_statistics import TAIL, order_positions, worth
+from mcsettle.estimate.resampling import Resampling
+
+POINTS = 1000  # of the mixture over all sets
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Mean, standard deviation, skewness and fourth central moment [B, E] of single sections."""
+
+    mean: np.ndarray
+    sd: np.ndarray
+    skew: np.ndarray
+    fourth: np.ndarray
+
+    def times(self, factor: np.ndarray) -> "Moments":
+        """Those of sections times ``factor`` > 0, broadcast."""
+        return Moments(factor * self.mean, factor * self.sd, self.skew, factor**4 * self.fourth)
+
+
+def moments(values: np.ndarray, by_track: np.ndarray) -> Moments:
+    """Moments of every set's sections [E, R] (NaN left out) where tracks count ``by_track`` [B, R]."""
+    known = ~np.isnan(values)
+    centre = np.nanmean(values, axis=1)
+    off = np.where(known, values - centre[:, None], 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        count = by_track @ known.T.astype(float)
+        first, second, third, fourth = (by_track @ (off**k).T / count for k in (1, 2, 3, 4))
+        variance = np.maximum(second - first**2, 0.0)
+        sd = np.sqrt(variance)
+        cube = third - 3.0 * first * second + 2.0 * first**3
+        skew = np.where(sd > 0.0, cube / np.where(sd > 0.0, sd, 1.0) ** 3, 0.0)
+    high = fourth - 4.0 * first * third + 6.0 * first**2 * second - 3.0 * first**4
+    return Moments(centre + first, sd, skew, high)
+
+
+def curve(level: float | np.ndarray, skew: np.ndarray) -> np.ndarray:
+    """Quantile of a standardised Pearson type III distribution."""
+    z = special.ndtri(level)
+    safe = np.where(np.abs(skew) < 1e-6, 1e-6, skew)
+    return np.asarray(
+        2.0 / safe * (np.maximum(1.0 + safe * z / 6.0 - safe**2 / 36.0, 0.0) ** 3 - 1.0)
+    )
+
+
+def line_intervals(
+    values: np.ndarray,
+    lines: np.ndarray,
+    count: int,
+    levels: Sequence[float],
+    quantiles: Sequence[float],
+    drawn: Resampling,
+) -> list[tuple[float | None, float | None]]:
+    """95 % intervals of ``quantiles``, those at ``levels`` of the mean over ``count`` sections.
+
+    Parameters
+    ----------
+    values : ndarray, shape [E, R], of single sections; at least one known in every set
+    lines : ndarray, shape [E, n], means over lines of every set
+    count : sections of a line, at least 2
+    levels, quantiles : shape [L]
+    drawn : of the sets and tracks of ``values``
+
+    Returns
+    -------
+    list of (low, high)
+        None where that side is open.
+    """
+    found = []
+    of_tracks = _tracks(values, count, levels, drawn)
+    for level, value, reaches in zip(levels, quantiles, of_tracks, strict=True):
+        ends = []
+        of_sets = _sets(lines, level, value, drawn.by_set[0])
+        for track, own, sign in zip(reaches, of_sets, (-1.0, 1.0), strict=True):
+            reach = np.hypot(track, np.inf if own is None else max(sign * (own - value), 0.0))
+            ends.append(float(value + sign * reach) if np.isfinite(reach) else None)
+        found.append((ends[0], ends[1]))
+    return found
+
+
+def _tracks(
+    values: np.ndarray, count: int, levels: Sequence[float], drawn: Resampling
+) -> list[tuple[float, float]]:
+    """How far the quantiles reach down and up for want of tracks; infinite where unknown."""
+    if values.shape[1] < 2:
+        return [(np.inf, np.inf) for _ in levels]
+    found = moments(values, drawn.by_track).times(drawn.factors[:, None])
+    if len(values) == 1:
+        return [_one_set(found, count, level, values.shape[1]) for level in levels]
+    reaches = []
+    for own in _mixed(found, count, levels, drawn.sets_kept):
+        others = own[1:][np.isfinite(own[1:])]
+        if len(others) < 2:
+            reaches.append((np.inf, np.inf))
+            continue
+        low, high = np.quantile(others, [drawn.alpha, 1.0 - drawn.alpha])
+        reaches.append((max(float(own[0] - low), 0.0), max(float(high - own[0]), 0.0)))
+    return reaches
+
+
+def _one_set(found: Moments, count: int, level: float, n_tracks: int) -> tuple[float, float]:
+    """Studentised: the quantile's error by its influence function in every resample."""
+    root = np.sqrt(count)
+    mean, sd = found.mean[:, 0], found.sd[:, 0]
+    at = curve(level, found.skew[:, 0] / root)
+    quantile, lean = mean + sd * at / root, at / root
+    with np.errstate(invalid="ignore", divide="ignore"):
+        square = (
+            sd**2 + lean * found.skew[:, 0] * sd**2
+            + lean**2 * (found.fourth[:, 0] - sd**4) / (4.0 * sd**2)
+        )  # fmt: skip
+        error = np.sqrt(np.maximum(square, 0.0) / (n_tracks - 1.0))
+        scores = (quantile[1:] - quantile[0]) / error[1:]
+    scores = scores[np.isfinite(scores)]
+    if error[0] == 0.0 or len(scores) < 2:
+        return 0.0, 0.0
+    low, high = np.quantile(scores, [TAIL, 1.0 - TAIL])
+    return max(float(high * error[0]), 0.0), max(float(-low * error[0]), 0.0)
+
+
+def _mixed(found: Moments, count: int, levels: Sequence[float], by_set: np.ndarray) -> np.ndarray:
+    """Quantiles [L, B] over the mixture of the sets' curves, weighted by ``by_set`` [B, E]."""
+    each = max(11, POINTS // by_set.shape[1])
+    shares = (np.arange(each) + 0.5) / each
+    root = np.sqrt(count)
+    points = found.mean[:, :, None] + found.sd[:, :, None] / root * curve(
+        shares, found.skew[:, :, None] / root
+    )
+    flat, weights = points.reshape(len(by_set), -1), np.repeat(by_set, each, axis=1)
+    weights = np.where(np.isnan(flat), 0.0, weights)
+    order = np.argsort(flat, axis=1)
+    own, rising = np.take_along_axis(weights, order, 1), np.take_along_axis(flat, order, 1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        middle = (np.cumsum(own, axis=1) - 0.5 * own) / np.sum(own, axis=1, keepdims=True)
+    nothing = np.full(len(levels), np.nan)
+    pairs = zip(middle, rising, strict=True)
+    rows = [np.interp(levels, m, x) if m[-1] > 0.0 else nothing for m, x in pairs]
+    return np.array(rows).T
+
+
+def _sets(
+    lines: np.ndarray, level: float, value: float, weights: np.ndarray
+) -> tuple[float | None, float | None]:
+    """Interval of the quantile for want of sets, from order statistics; None where it is open."""
+    n_sets = len(lines)
+    if n_sets == 1:
+        return value, value
+    shares = weights / np.sum(weights)
+    below = np.mean(lines <= value, axis=1)
+    crowd = float(np.sum(shares**2))
+    if crowd >= 1.0:
+        return None, None
+    variance = float(np.sum(shares**2 * (below - level) ** 2)) / (1.0 - crowd)
+    positions = order_positions(worth(level, variance, (1.0 / crowd,)), level)
+    flat, each = lines.ravel(), np.repeat(shares, lines.shape[1])
+    order = np.argsort(flat)
+    middle = (np.cumsum(each[order]) - 0.5 * each[order]) / np.sum(each)
+    ends = [None if p is None else float(np.interp(p, middle, flat[order])) for p in positions]
+    return ends[0], ends[1]

@@ -1,0 +1,124 @@
+"""Ensembles of initial profiles around a measured record.
+
+What is random is chosen: nothing but measurement noise (``section``), the phases at the section's
+own spectrum (``phases``), or the place on the line (``sections``: realisation r is section r). As
+everywhere, a realisation is addressed by (seed, index).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from mcsettle.errors import InputError
+from mcsettle.railway.filters import Band
+from mcsettle.railway.irregularity import random_amplitudes
+from mcsettle.railway.read_record import RecordFormat, read_record
+from mcsettle.railway.record import Finding, Run, chosen_run, findings, mended
+from mcsettle.railway.record_sections import Sections, cut
+
+ENSEMBLES = ("section", "phases", "sections")
+_NOISE_STREAM = 0x4E015E  # keeps the noise apart from the phases
+_PHASE_STREAM = 0x9A5E
+
+
+@dataclass(frozen=True)
+class RecordChoice:
+    """A record and what is taken of it: everything that decides the sections.
+
+    ``path`` of the file and its ``digest`` (SHA-256); ``run`` None for the first; ``repair`` names
+    the findings to mend; gaps up to ``longest_gap`` [m] are bridged.
+    """
+
+    path: Path
+    digest: str
+    layout: RecordFormat
+    run: str | None
+    repair: tuple[str, ...]
+    longest_gap: float
+    band: Band
+
+
+@dataclass(frozen=True)
+class Record:
+    """A record made ready: the run as it was read, what was found in it, its sections."""
+
+    run: Run
+    findings: tuple[Finding, ...]
+    sections: Sections
+
+
+def prepared(choice: RecordChoice, window: float, wavenumbers: np.ndarray) -> Record:
+    """Read, mend, filter and cut the record of ``choice``; kept for the next call.
+
+    Raises
+    ------
+    InputError
+        Whatever the record does not allow.
+    """
+    return _prepared(choice, window, tuple(float(k) for k in wavenumbers))
+
+
+@lru_cache(maxsize=4)
+def _prepared(choice: RecordChoice, window: float, wavenumbers: tuple[float, ...]) -> Record:
+    run = chosen_run(read_record(choice.path, choice.layout), choice.run)
+    found = tuple(findings(run))
+    sound = mended(run, choice.repair, choice.longest_gap)
+    return Record(run, found, cut(sound, window, np.array(wavenumbers), choice.band))
+
+
+def ensemble(
+    sections: Sections,
+    kind: str,
+    section: int,
+    noise: float,
+    seed: int,
+    indices: Iterable[int],
+) -> np.ndarray:
+    """Initial amplitudes complex [R, K] m of the realisations ``indices``.
+
+    Parameters
+    ----------
+    sections : Sections
+    kind : str
+        One of ``ENSEMBLES``.
+    section : int
+        Which section, from 1 (not with ``sections``).
+    noise : float, m
+        SD of the measurement's error in the band: added to every realisation, alike at every
+        wavelength. The SD of the measured section contains one such error already.
+    seed : int
+    indices : iterable of int
+
+    Raises
+    ------
+    InputError
+        No such section, or more realisations than sections where nothing else tells them apart.
+    """
+    wanted = list(indices)
+    n = len(sections.starts)
+    if kind == "sections":
+        if wanted and max(wanted) >= n and noise == 0.0:
+            raise InputError(
+                f"the record has {n} sections, and realisation {max(wanted)} is asked for: with "
+                f"ensemble = 'sections' ask for at most {n} realisations, or give noise_mm"
+            )
+        rows = [sections.amplitudes[index % n] for index in wanted]
+    else:
+        if not 1 <= section <= n:
+            raise InputError(f"section {section} is asked for; the record has 1 to {n}")
+        rows = [sections.amplitudes[section - 1]] * len(wanted)
+    profiles = np.array(rows).reshape(len(wanted), sections.amplitudes.shape[1])
+    if kind == "phases":
+        turns = [random_amplitudes(seed ^ _PHASE_STREAM, i, profiles.shape[1]) for i in wanted]
+        profiles = np.array(
+            [np.abs(row) * turn / np.abs(turn) for row, turn in zip(profiles, turns, strict=True)]
+        ).reshape(profiles.shape)
+    if noise > 0.0:
+        flat = noise / np.sqrt(profiles.shape[1])
+        profiles = profiles + flat * np.array(
+            [random_amplitudes(seed ^ _NOISE_STREAM, i, profiles.shape[1]) for i in wanted]
+        ).reshape(profiles.shape)
+    return profiles

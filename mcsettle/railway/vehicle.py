@@ -1,0 +1,262 @@
+"""Rail vehicles as multi-body descriptions: Table 1 of the paper, and their compliance.
+
+A ``Vehicle`` is one car on two bogies of two wheelsets. ``model`` says how much of it moves
+dynamically: "complete" (car body, bogies, wheelsets), "bogies" (bogies and wheelsets) or
+"wheelsets"; a simplified model leaves out the bodies above *and* the springs that carry them. The
+static axle load is an input of its own: it need not equal the sum of the masses.
+
+Degrees of freedom, in this order: car body (displacement, pitch), leading bogie (displacement,
+pitch), trailing bogie, wheelsets from the leading one. Displacements are positive down; a pitch is
+positive when it lowers the front. A freight bogie carries its wheelsets rigidly.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh, null_space
+
+from mcsettle.units import TONNE
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+VEHICLE_MODELS = ("complete", "bogies", "wheelsets")
+_LEVELS = {"complete": ("secondary", "primary"), "bogies": ("primary",), "wheelsets": ()}
+_POSITIVE_FIELDS = {
+    "length": "m",
+    "bogie_spacing": "m",
+    "axle_spacing": "m",
+    "body_mass": "kg",
+    "body_inertia": "kg·m²",
+    "bogie_mass": "kg",
+    "bogie_inertia": "kg·m²",
+    "wheelset_mass": "kg",
+    "axle_load": "kg",
+}
+
+
+@dataclass(frozen=True)
+class Suspension:
+    """One suspension stage per spring: stiffness [N/m] and viscous damping [N·s/m] in parallel."""
+
+    stiffness: float
+    damping: float
+
+    def __post_init__(self) -> None:
+        _positive("suspension stiffness", self.stiffness, "N/m")
+        if not 0.0 <= self.damping < math.inf:
+            raise ValueError(f"suspension damping is {self.damping}; it must be 0 or more N·s/m")
+
+    def dynamic_stiffness(self, omega: float) -> complex:
+        """Complex stiffness k + iΩc [N/m] at Ω [rad/s], Eqs. (22) and (23)."""
+        return self.stiffness + 1j * omega * self.damping
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """One car. Lengths [m], masses [kg], pitching inertias [kg·m²], axle load [kg per wheelset].
+
+    ``primary`` is None for freight vehicles, whose wheelsets are rigidly part of the bogie.
+    ``axle_loads``, leading wheelset first, replaces ``axle_load`` where the wheelsets differ.
+    """
+
+    name: str
+    length: float
+    bogie_spacing: float
+    axle_spacing: float
+    body_mass: float
+    body_inertia: float
+    bogie_mass: float
+    bogie_inertia: float
+    wheelset_mass: float
+    secondary: Suspension
+    primary: Suspension | None
+    axle_load: float
+    model: str = "complete"
+    axle_loads: tuple[float, float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for field, unit in _POSITIVE_FIELDS.items():
+            _positive(f"{field} of vehicle '{self.name}'", getattr(self, field), unit)
+        for load in self.axle_loads or ():
+            _positive(f"axle load of vehicle '{self.name}'", load, "kg")
+        outermost = self.bogie_spacing + self.axle_spacing
+        if self.axle_spacing >= self.bogie_spacing or outermost >= self.length:
+            raise ValueError(
+                f"vehicle '{self.name}': axle spacing {self.axle_spacing} m, bogie spacing "
+                f"{self.bogie_spacing} m and length {self.length} m do not fit; the axle spacing "
+                "must be less than the bogie spacing, and both together less than the length"
+            )
+        if self.model not in VEHICLE_MODELS:
+            raise ValueError(
+                f"model of vehicle '{self.name}' is '{self.model}'; "
+                f"choose one of {', '.join(VEHICLE_MODELS)}"
+            )
+        if self.model == "wheelsets" and self.primary is None:
+            raise ValueError(
+                f"vehicle '{self.name}' has no primary suspension: its wheelsets are rigidly part "
+                "of the bogies and cannot move alone; choose the model 'bogies'"
+            )
+
+    @property
+    def loads(self) -> tuple[float, float, float, float]:
+        """Static load of each wheelset [kg], leading first."""
+        return self.axle_loads or (self.axle_load,) * 4
+
+    @property
+    def axle_offsets(self) -> tuple[float, float, float, float]:
+        """Positions of the wheelsets from the car's centre, positive forward, leading first [m]."""
+        lb, lw = self.bogie_spacing / 2.0, self.axle_spacing / 2.0
+        return (lb + lw, lb - lw, -lb + lw, -lb - lw)
+
+
+def mass_matrix(vehicle: Vehicle) -> Array:
+    """Mass matrix M^v [kg, kg·m²], shape [D, D], Eqs. (17) and (20)."""
+    v = vehicle
+    wheels = 0.0 if v.primary is not None else v.wheelset_mass
+    half = v.axle_spacing / 2.0
+    bogie = [v.bogie_mass + 2.0 * wheels, v.bogie_inertia + 2.0 * wheels * half**2]
+    diagonal = [v.body_mass, v.body_inertia, *bogie, *bogie]
+    if v.primary is not None:
+        diagonal += [v.wheelset_mass] * 4
+    return np.diag(diagonal)[np.ix_(_kept(v), _kept(v))]
+
+
+def stiffness_matrix(vehicle: Vehicle, omega: float) -> ComplexArray:
+    """Complex stiffness matrix K^v(Ω) [N/m, N, N·m], shape [D, D], of the suspension.
+
+    Built from the energy of each spring, K^v = Σ (k + iΩc) v vᵀ with v the spring's elongation for
+    unit displacements; Eqs. (18) and (21) are the result.
+    """
+    size = 6 if vehicle.primary is None else 10
+    matrix = np.zeros((size, size), dtype=complex)
+    for level, suspension, elongation in _springs(vehicle, size):
+        if level in _LEVELS[vehicle.model]:
+            matrix += suspension.dynamic_stiffness(omega) * np.outer(elongation, elongation)
+    return matrix[np.ix_(_kept(vehicle), _kept(vehicle))]
+
+
+def connection_matrix(vehicle: Vehicle) -> Array:
+    """Matrix Z, shape [4, D]: wheelset displacements from the degrees of freedom.
+
+    Eqs. (16) and (19), the last row of the latter put right: 0 0 0 0 1 -lw.
+    """
+    half = vehicle.axle_spacing / 2.0
+    if vehicle.primary is not None:
+        matrix = np.hstack([np.zeros((4, 6)), np.eye(4)])
+    else:
+        matrix = np.zeros((4, 6))
+        for wheel, (bogie, arm) in enumerate(((2, half), (2, -half), (4, half), (4, -half))):
+            matrix[wheel, bogie] = 1.0
+            matrix[wheel, bogie + 1] = arm
+    return matrix[:, _kept(vehicle)]
+
+
+def vehicle_compliance(vehicle: Vehicle, omega: float) -> ComplexArray:
+    """Compliance of one car at its wheelsets, V_c = Z (K^v - Ω² M^v)⁻¹ Zᵀ, Eq. (15).
+
+    Parameters
+    ----------
+    vehicle
+        The car; its ``model`` says which bodies take part.
+    omega
+        Driving frequency Ω [rad/s], not zero.
+
+    Returns
+    -------
+    Shape [4, 4] [m/N]: displacement of one wheelset for a force on another, both down, leading
+    wheelset first.
+
+    Raises
+    ------
+    ValueError
+        If Ω is zero: a car free to move has no static compliance.
+    """
+    if omega == 0.0 or not math.isfinite(omega):
+        raise ValueError(f"driving frequency is {omega} rad/s; it must be finite and not zero")
+    connection = connection_matrix(vehicle)
+    dynamic = stiffness_matrix(vehicle, omega) - omega**2 * mass_matrix(vehicle)
+    return np.asarray(connection @ np.linalg.solve(dynamic, connection.T), dtype=complex)
+
+
+def natural_frequencies(vehicle: Vehicle, wheels: str = "fixed") -> Array:
+    """Undamped natural frequencies [Hz], rising.
+
+    ``wheels`` is "fixed" (wheelsets held: the suspended modes) or "free" (nothing held: the first
+    four are the rigid motions at 0 Hz).
+
+    Raises
+    ------
+    ValueError
+        If ``wheels`` is neither, or nothing is left to move.
+    """
+    stiffness, mass = stiffness_matrix(vehicle, 0.0).real, mass_matrix(vehicle)
+    if wheels not in ("fixed", "free"):
+        raise ValueError(f"wheels is '{wheels}'; choose 'fixed' or 'free'")
+    if wheels == "fixed":
+        basis = null_space(connection_matrix(vehicle))
+        if basis.shape[1] == 0:
+            raise ValueError(f"vehicle '{vehicle.name}' has nothing left to move on fixed wheels")
+        stiffness, mass = basis.T @ stiffness @ basis, basis.T @ mass @ basis
+    squares = eigh(stiffness, mass, eigvals_only=True)
+    return np.sqrt(np.maximum(squares, 0.0)) / (2.0 * math.pi)
+
+
+def _springs(vehicle: Vehicle, size: int) -> list[tuple[str, Suspension, Array]]:
+    """Each spring of one car: its level, its suspension, its elongation vector [size]."""
+    arm, half = vehicle.bogie_spacing / 2.0, vehicle.axle_spacing / 2.0
+    springs = []
+    for bogie, lever in ((2, arm), (4, -arm)):
+        elongation = np.zeros(size)
+        elongation[[0, 1, bogie]] = (1.0, lever, -1.0)
+        springs.append(("secondary", vehicle.secondary, elongation))
+    if vehicle.primary is not None:
+        for wheel, (bogie, lever) in enumerate(((2, half), (2, -half), (4, half), (4, -half))):
+            elongation = np.zeros(size)
+            elongation[[bogie, bogie + 1, 6 + wheel]] = (1.0, lever, -1.0)
+            springs.append(("primary", vehicle.primary, elongation))
+    return springs
+
+
+def _kept(vehicle: Vehicle) -> list[int]:
+    """Degrees of freedom that take part in the vehicle's model."""
+    first = {"complete": 0, "bogies": 2, "wheelsets": 6}[vehicle.model]
+    return list(range(first, 6 if vehicle.primary is None else 10))
+
+
+def _positive(name: str, value: float, unit: str) -> None:
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"{name} is {value} {unit}; it must be positive and finite")
+
+
+PASSENGER = Vehicle(
+    name="passenger",
+    length=25.9,
+    bogie_spacing=19.0,
+    axle_spacing=2.9,
+    body_mass=329e2,
+    body_inertia=208e4,
+    bogie_mass=4932.0,
+    bogie_inertia=5150.0,
+    wheelset_mass=1538.0,
+    secondary=Suspension(1320e3, 360e2),
+    primary=Suspension(3420e3, 360e2),
+    axle_load=17.0 * TONNE,
+)
+FREIGHT = Vehicle(
+    name="freight",
+    length=13.9,
+    bogie_spacing=9.7,
+    axle_spacing=1.7,
+    body_mass=864e2,
+    body_inertia=102e4,
+    bogie_mass=2800.0,
+    bogie_inertia=2020.0,
+    wheelset_mass=2000.0,
+    secondary=Suspension(2660e3, 25e2),
+    primary=None,
+    axle_load=25.0 * TONNE,
+)
+VEHICLES = {"passenger": PASSENGER, "freight": FREIGHT}

@@ -1,0 +1,214 @@
+"""The tables of a run for workbooks: one XLSX file, or a folder of CSV files.
+
+Sheets and files: ``about`` (what this is, provenance), ``summary``, ``effects``, ``realisations``,
+``inputs`` (the assumptions register), ``scenarios``, ``columns`` (units and meanings). Numbers stay
+numbers, empty cells are unknown. Text never becomes a formula. The same run gives the same bytes.
+"""
+
+import csv
+import datetime
+import io
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from mcsettle.errors import InputError
+from mcsettle.report.material import Material, rows_digest
+from mcsettle.report.register import entries
+from mcsettle.report.words import plain
+from mcsettle.run.columns import summary_columns
+from mcsettle.storage.files import write_text, write_whole
+from mcsettle.storage.tables import TABLES
+from mcsettle.units import MGT
+
+MOST_ROWS = 1_048_575  # of a worksheet, its heading left out
+MOST_TEXT = 32_767  # characters of a cell
+CREATED = datetime.datetime(2000, 1, 1)  # a workbook wants a date; the same every time
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One table: names and units of its columns, and its rows."""
+
+    name: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+
+def sheets(material: Material) -> list[Sheet]:
+    """Every table of an export."""
+    summary = summary_columns(list(material.rows))
+    found = [
+        _about(material),
+        Sheet("summary", tuple(summary), tuple(zip(*summary.values(), strict=True))),
+        _frame("effects", material.results.effects),
+        _frame("realisations", material.results.realisations),
+        _inputs(material),
+        _scenarios(material),
+        _columns(),
+    ]
+    return [sheet for sheet in found if sheet.columns]
+
+
+def write_csv(material: Material, folder: Path) -> list[Path]:
+    """One CSV file (UTF-8, RFC 4180) a table in ``folder``.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written.
+    """
+    written = []
+    for sheet in sheets(material):
+        stream = io.StringIO()
+        writer = csv.writer(stream)
+        writer.writerow(sheet.columns)
+        for row in sheet.rows:
+            writer.writerow([_csv_cell(value) for value in row])
+        written.append(write_text(folder, f"{sheet.name}.csv", stream.getvalue()))
+    return written
+
+
+def write_xlsx(material: Material, path: Path) -> list[str]:
+    """One workbook; returns remarks on tables that are too long for a sheet.
+
+    Raises
+    ------
+    InputError
+        The extra is not installed, or the file cannot be written.
+    """
+    try:
+        import xlsxwriter
+    except ImportError:
+        raise InputError(
+            "a workbook needs the extra 'xlsx': pip install 'mcsettle[xlsx]'; or export to CSV "
+            "with --csv"
+        ) from None
+    remarks: list[str] = []
+    buffer = io.BytesIO()
+    options = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False,
+               "strings_to_numbers": False, "nan_inf_to_errors": False}  # fmt: skip
+    with xlsxwriter.Workbook(buffer, options) as book:
+        book.set_properties({"title": plain(material.study.title)[:200], "created": CREATED})
+        bold = book.add_format({"bold": True, "text_wrap": True, "valign": "top"})
+        for sheet in sheets(material):
+            rows = sheet.rows[:MOST_ROWS]
+            if len(rows) < len(sheet.rows):
+                remarks.append(
+                    f"sheet '{sheet.name}' holds the first {len(rows)} of {len(sheet.rows)} rows; "
+                    "export to CSV for all"
+                )
+            _fill(book.add_worksheet(sheet.name), sheet.columns, rows, bold)
+    write_whole(path.absolute().parent, path.name, lambda aside: _put(aside, buffer.getvalue()))
+    return remarks
+
+
+def _put(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+
+
+def _fill(page: Any, columns: tuple[str, ...], rows: Iterable[tuple[Any, ...]], bold: Any) -> None:
+    """Heading, cells with their types, widths that fit the first rows."""
+    widths = [len(name) for name in columns]
+    for place, name in enumerate(columns):
+        page.write_string(0, place, name, bold)
+    for line, row in enumerate(rows, 1):
+        for place, raw in enumerate(row):
+            value = _cell(raw)
+            if value is None:
+                continue
+            if isinstance(value, bool):
+                page.write_boolean(line, place, value)
+            elif isinstance(value, int | float):
+                page.write_number(line, place, value)
+            else:
+                page.write_string(line, place, value[:MOST_TEXT])
+            if line < 200:
+                widths[place] = max(widths[place], len(str(value)))
+    page.freeze_panes(1, 0)
+    for place, width in enumerate(widths):
+        page.set_column(place, place, min(max(width + 1, 8), 60))
+
+
+def _cell(value: Any) -> Any:
+    """A plain value, None where unknown."""
+    if value is None or value is pd.NA:
+        return None
+    if hasattr(value, "item"):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return plain(value) if isinstance(value, str) else value
+
+
+def _csv_cell(value: Any) -> Any:
+    """As ``_cell``; a text that a spreadsheet would take for a formula gets an apostrophe."""
+    cell = _cell(value)
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
+
+
+def _frame(name: str, table: pd.DataFrame) -> Sheet:
+    rows = tuple(table.itertuples(index=False, name=None))
+    return Sheet(name, tuple(str(column) for column in table.columns), rows)
+
+
+def _about(material: Material) -> Sheet:
+    study = material.study
+    economics = study.priced
+    rows: list[tuple[Any, ...]] = [("title", study.title), ("answer's variant", material.variant)]
+    if economics is not None:
+        rows += [
+            ("currency", "GBP"),
+            ("price base year", economics.price_base_year or "not stated"),
+            ("baseline", economics.baseline),
+        ]
+    rows += [(key.replace("_", " "), value) for key, value in asdict(material.provenance).items()]
+    rows += [("realisations", material.n_tracks), ("parameter sets", material.n_sets)]
+    for name in ("realisations", "history", "effects"):
+        rows.append((f"digest of the rows of {name}", rows_digest(getattr(material.results, name))))
+    rows.append(("empty cells", "not reached, not identified, or without meaning for that row"))
+    return Sheet("about", ("what", "value"), tuple(rows))
+
+
+def _inputs(material: Material) -> Sheet:
+    rows = [tuple(asdict(entry).values()) for entry in entries(material.study)]
+    names = ("input", "value", "unit", "distribution", "set_by", "source")
+    return Sheet("inputs", names, tuple(rows))
+
+
+def _scenarios(material: Material) -> Sheet:
+    study, rows = material.study, []
+    for scenario in study.scenarios:
+        for place, entry in enumerate(scenario.timetable, 1):
+            rows.append(
+                (
+                    scenario.name,
+                    scenario.title,
+                    place,
+                    entry.train,
+                    entry.speed_kmh,
+                    entry.per_day,
+                    study.timetable(scenario.name).mass_per_day / MGT,
+                    study.mgt_per_day(scenario.name),
+                    study.mgt_per_year(scenario.name),
+                )
+            )
+    names = (
+        "scenario", "title", "service", "train", "speed_kmh", "per_day", "mgt_per_day_of_trains",
+        "mgt_per_day_stated", "mgt_per_year",
+    )  # fmt: skip
+    return Sheet("scenarios", names, tuple(rows))
+
+
+def _columns() -> Sheet:
+    rows = [
+        (table, column.name, str(column.type), column.unit, column.meaning)
+        for table in ("summary", "effects", "realisations")
+        for column in TABLES[table].columns
+    ]
+    return Sheet("columns", ("table", "column", "type", "unit", "meaning"), tuple(rows))

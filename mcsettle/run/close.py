@@ -1,0 +1,178 @@
+"""Closing a run whose shards are whole: parameters, effects, weights, summary and manifest.
+
+No realisation is computed, so it works on a folder alone.
+"""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mcsettle import economics
+from mcsettle.errors import InputError
+from mcsettle.estimate.conditioning import Conditioning, conditioned
+from mcsettle.run import columns as rows
+from mcsettle.run.columns import summary_columns
+from mcsettle.run.factor_fit import Fit, read_fits, with_fits
+from mcsettle.run.shards import Shard, all_shards, index_ranges
+from mcsettle.run.status import Fault, Survey, held_shards, refuse_smaller, strays, survey
+from mcsettle.storage import lock, shard_record, store
+from mcsettle.storage.location import Place, Where, place
+from mcsettle.study.parameter_sets import ParameterSet, all_sets
+from mcsettle.study.study import Study
+from mcsettle.summary.results import read_results, study_of
+from mcsettle.summary.summary import summary_rows
+
+MOST_NAMED = 5  # shards in a message
+
+
+def gather(folder: Where, take_over: bool = False) -> Survey:
+    """Check that every shard of a run is there and whole, and close the run.
+
+    Raises
+    ------
+    InputError
+        Shards are missing or damaged (the message names them), somebody is at work in the folder, or
+        it is no results folder.
+    """
+    at = place(folder)
+    store.read_provenance(at)  # before anything is written there
+    with lock.held(at, "gather", take_over):
+        found = survey(at)
+        bad = [fault for fault in found.faults if fault.state != "failed"]
+        if bad:
+            raise InputError(_incomplete(found, bad))
+        study = study_of(at)
+        refuse_smaller(at, held_shards(at), study)
+        close(at, study, all_sets(study), found.provenance)
+        return survey(at)
+
+
+def close(
+    at: Place, study: Study, members: list[ParameterSet], provenance: store.Provenance
+) -> list[str]:
+    """Write the tables that follow from whole shards, and the manifest, last; returns remarks."""
+    at.remove(store.MANIFEST)
+    at.sweep()
+    shards = all_shards(study, provenance.shard_realisations)
+    for name in _superseded(at, shards):  # first: the effects pair rows of one run only
+        shard_record.remove_shard(at, name)
+    fits = read_fits(at, study)
+    members = [with_fits(study, m, fits[m.index]) if m.index in fits else m for m in members]
+    _write_parameters(at, study, members, provenance)
+    _write_effects(at, study, members, provenance)
+    remarks = _write_weights(at, study, fits, provenance)
+    _write_summary(at, study, provenance)
+    store.finish(at)
+    return remarks
+
+
+def count_failed(at: Place) -> int:
+    """Failed realisations of a folder."""
+    status = store.read(at, "realisations").column("status")
+    return int(np.sum(np.asarray(status) == "failed"))
+
+
+def _incomplete(found: Survey, bad: list[Fault]) -> str:
+    named = "; ".join(f"{fault.shard}: {fault.reason}" for fault in bad[:MOST_NAMED])
+    more = f"; and {len(bad) - MOST_NAMED} more" if len(bad) > MOST_NAMED else ""
+    return (
+        f"'{found.folder}' has {found.n_whole} of {found.n_shards} shards ({named}{more}); run the "
+        "study into it again: only what is missing is computed"
+    )
+
+
+def _superseded(at: Place, shards: list[Shard]) -> set[str]:
+    """Shards of an earlier, smaller run that those of this one contain."""
+    names = {name.partition("/")[2] for name in strays(at, shards)} | held_shards(at)
+    return names - {shard.name for shard in shards}
+
+
+def _write_parameters(
+    at: Place, study: Study, members: list[ParameterSet], provenance: store.Provenance
+) -> None:
+    """The table ``parameters`` of a study with uncertain inputs."""
+    if not study.nested:
+        return
+    name = f"sets-000000-{len(members) - 1:06d}.parquet"
+    last = study.run.realisations - 1
+    store.write(at, "parameters", name, rows.parameter_columns(members), provenance, 0, last)
+    for other in at.names("parameters"):
+        if other != f"parameters/{name}":
+            at.remove(other)
+
+
+def _write_weights(
+    at: Place, study: Study, fits: dict[int, dict[str, Fit]], provenance: store.Provenance
+) -> list[str]:
+    """The table ``weights`` of a study with observations; remarks on it."""
+    name = "weights.parquet"
+    at.remove(f"weights/{name}")
+    if not study.observed:
+        return []
+    results = read_results(at, finished=False)
+    found = []
+    for variant in study.variant_names:
+        if variant in study.fitted:
+            logs = np.array([fits[e][variant].log_evidence for e in range(study.n_sets)])
+            found.append(Conditioning(variant, logs))
+        else:
+            tables = (results.realisations, results.history)
+            found.append(conditioned(study, variant, *tables))
+    last = study.run.realisations - 1
+    store.write(at, "weights", name, rows.weight_columns(found), provenance, 0, last)
+    return [f"{one.variant}: {one.remark}" for one in found if one.remark]
+
+
+def _write_effects(
+    at: Place, study: Study, members: list[ParameterSet], provenance: store.Provenance
+) -> None:
+    """Pair every scenario with the baseline, realisation by realisation."""
+    if study.economics is None:
+        return
+    frame = store.read(at, "realisations").to_pandas()
+    own = ["variant", "parameter_set", "scenario"]
+    parts = {key: g.sort_values("realisation") for key, g in frame.groupby(own)}
+    ranges = index_ranges(study.run.realisations, provenance.shard_realisations)
+    for variant in study.variant_names:
+        for member in members:
+            for scenario in study.scenario_names:
+                effects = _effects(member, variant, scenario, parts)
+                if effects is None:
+                    continue
+                for part in ranges:
+                    ends = part.start, part.stop - 1
+                    shard = Shard(member.index, variant, scenario, *ends, study.nested)
+                    columns = rows.effect_columns(member, variant, scenario, part, effects)
+                    store.write(at, "effects", shard.name, columns, provenance, *ends)
+
+
+def _effects(
+    member: ParameterSet,
+    variant: str,
+    scenario: str,
+    parts: dict[Any, pd.DataFrame],
+) -> economics.Effects | None:
+    table, change = member.study.priced, member.study.change(scenario)
+    if table is None or change is None:
+        return None
+    base = parts[variant, member.index, table.baseline]
+    other = parts[variant, member.index, scenario]
+    return economics.paired_effects(
+        base["tamping_interval_days"].to_numpy(float),
+        other["tamping_interval_days"].to_numpy(float),
+        base["censored_at_days"].to_numpy(float),
+        other["censored_at_days"].to_numpy(float),
+        change,
+        table.tamping_cost_gbp_per_track_km,
+        table.discount_rate,
+    )
+
+
+def _write_summary(at: Place, study: Study, provenance: store.Provenance) -> None:
+    """The table ``summary``: every number of the summary with its error."""
+    results = read_results(at, finished=False)
+    columns = summary_columns(summary_rows(results))
+    if len(columns["variant"]):
+        last = study.run.realisations - 1
+        store.write(at, "summary", "summary.parquet", columns, provenance, 0, last)

@@ -1,0 +1,165 @@
+"""Columns of the result tables from what the engine returned."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from mcsettle import economics
+from mcsettle.estimate.conditioning import Conditioning
+from mcsettle.railway.traffic import Timetable
+from mcsettle.run.scenario import sample_days
+from mcsettle.step_b.case import Outcome
+from mcsettle.storage.tables import input_column, unit_of
+from mcsettle.study.parameter_sets import ParameterSet
+from mcsettle.study.study import Study
+from mcsettle.summary.summary import SummaryRow
+from mcsettle.units import DAYS_PER_YEAR, MGT, MM
+
+FAILURE = "the profile overflowed or the step collapsed"
+
+
+def realisation_columns(
+    member: ParameterSet,
+    variant: str,
+    scenario: str,
+    indices: range,
+    timetable: Timetable,
+    outcome: Outcome,
+) -> dict[str, Any]:
+    """Columns of the ``realisations`` table for one batch, the drawn inputs last."""
+    study, n = member.study, len(outcome.days)
+    reached, failed = outcome.reached, outcome.failed
+    days_run = outcome.passages / timetable.passages_per_day
+    horizon = np.where(reached | failed, np.nan, study.limit.horizon_days)
+    columns = {
+        "variant": [variant] * n,
+        "scenario": [scenario] * n,
+        "parameter_set": np.full(n, member.index, np.int32),
+        "realisation": np.arange(indices.start, indices.stop),
+        "status": np.where(failed, "failed", np.where(reached, "reached", "censored")).tolist(),
+        "tamping_interval_days": nullable(outcome.days),
+        "censored_at_days": nullable(horizon),
+        "passages": outcome.passages,
+        "tonnage_mgt": days_run * timetable.mass_per_day / MGT,
+        "sd_initial_mm": outcome.sd_initial / MM,
+        "sd_final_mm": outcome.sd_final / MM,
+        "mean_settlement_mm": outcome.mean_settlement / MM,
+        "sd_growth_1y_mm": nullable(_growth_in_a_year(study, outcome) / MM),
+        "failure": [FAILURE if f else None for f in failed],
+    }
+    return columns | input_columns(member, n)
+
+
+def input_columns(member: ParameterSet, n: int) -> dict[str, np.ndarray]:
+    """The drawn inputs of a parameter set, [n] each, under their columns' names."""
+    return {input_column(path): np.full(n, value) for path, value in member.values.items()}
+
+
+def history_columns(
+    member: ParameterSet, variant: str, scenario: str, indices: range, outcome: Outcome
+) -> dict[str, Any]:
+    """Columns of the ``history`` table: SD at the sample days before the end, and at the end."""
+    study = member.study
+    days = np.broadcast_to(sample_days(study), outcome.history.shape)
+    end = np.where(outcome.reached, outcome.days, study.limit.horizon_days)
+    days = np.column_stack([days, end])
+    # A track at its limit before any traffic has its end among the samples already.
+    ended = outcome.reached & (outcome.days > 0.0)
+    sd = np.column_stack([outcome.history, np.where(ended, outcome.sd_final, np.nan)])
+    row, column = np.nonzero(np.isfinite(sd))
+    n = len(row)
+    return {
+        "variant": [variant] * n,
+        "scenario": [scenario] * n,
+        "parameter_set": np.full(n, member.index, np.int32),
+        "realisation": row + indices.start,
+        "day": days[row, column],
+        "sd_mm": sd[row, column] / MM,
+    }
+
+
+def effect_columns(
+    member: ParameterSet,
+    variant: str,
+    scenario: str,
+    indices: range,
+    effects: economics.Effects,
+) -> dict[str, Any]:
+    """Columns of the ``effects`` table for the realisations ``indices`` of ``effects``."""
+    table = member.study.economics
+    assert table is not None
+    part, n = slice(indices.start, indices.stop), len(indices)
+    return {
+        "variant": [variant] * n,
+        "scenario": [scenario] * n,
+        "baseline": [table.baseline] * n,
+        "parameter_set": np.full(n, member.index, np.int32),
+        "realisation": np.arange(indices.start, indices.stop),
+        "status": effects.status[part].tolist(),
+        "reduction_percent": nullable(effects.reduction_percent[part]),
+        "elasticity": nullable(effects.elasticity[part]),
+        "marginal_cost": nullable(effects.marginal_cost[part]),
+        "effect": [table.effect] * n,
+    }
+
+
+def parameter_columns(members: list[ParameterSet]) -> dict[str, Any]:
+    """Columns of the ``parameters`` table: every drawn input of every parameter set."""
+    rows = [(m.index, path, value) for m in members for path, value in m.values.items()]
+    return {
+        "parameter_set": np.array([row[0] for row in rows], np.int32),
+        "input": [row[1] for row in rows],
+        "value": [row[2] for row in rows],
+        "unit": [unit_of(row[1]) for row in rows],
+    }
+
+
+def weight_columns(found: Sequence[Conditioning]) -> dict[str, Any]:
+    """Columns of the ``weights`` table: every parameter set of every variant."""
+    sizes = [len(one.log_likelihood) for one in found]
+    logs = np.concatenate([one.log_likelihood for one in found])
+    return {
+        "variant": [one.variant for one, n in zip(found, sizes, strict=True) for _ in range(n)],
+        "parameter_set": np.concatenate([np.arange(n, dtype=np.int32) for n in sizes]),
+        "weight": np.concatenate([one.weights for one in found]),
+        "log_likelihood": [float(v) if np.isfinite(v) else None for v in logs],
+    }
+
+
+def joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
+    """Columns of several batches, one after the other."""
+    return {key: [v for part in parts for v in part[key]] for key in parts[0]}
+
+
+def nullable(values: np.ndarray) -> list[float | None]:
+    """Values with None for NaN."""
+    return [None if np.isnan(v) else float(v) for v in values]
+
+
+def _growth_in_a_year(study: Study, outcome: Outcome) -> np.ndarray:
+    if study.limit.horizon_days < DAYS_PER_YEAR:
+        return np.full(len(outcome.days), np.nan)
+    year = int(np.flatnonzero(sample_days(study) == DAYS_PER_YEAR)[0])
+    return np.asarray(outcome.history[:, year] - outcome.sd_initial)
+
+
+def summary_columns(rows: list[SummaryRow]) -> dict[str, list[Any]]:
+    """Columns of the ``summary`` table, in the order of ``rows``."""
+    flat = [
+        (row, statistic)
+        for row in rows
+        for statistic in (*row.statistics, *row.spread, *row.conditioned)
+    ]
+    columns: dict[str, list[Any]] = {
+        "variant": [row.variant for row, _ in flat],
+        "scenario": [row.scenario for row, _ in flat],
+        "metric": [row.metric for row, _ in flat],
+        "statistic": [s.statistic for _, s in flat],
+        "subject": [s.subject for _, s in flat],
+        "level": [s.level for _, s in flat],
+    }
+    names = {"lower": "lo", "upper": "hi"}
+    for key in ("value", "lower", "upper", "standard_error", "n", "n_censored", "unit", "note"):
+        columns[names.get(key, key)] = [getattr(s.estimate, key) for _, s in flat]
+    return columns

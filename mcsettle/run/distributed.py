@@ -1,0 +1,151 @@
+"""A run spread over processes and machines by Dask: numbers of shards go out, workers write them.
+
+The client does Step A, has the missing shards made by the workers (``dispatch``) and closes the run; the
+folder ends byte for byte as that of a run on one machine.
+"""
+
+import contextlib
+import re
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from mcsettle.errors import InputError
+from mcsettle.run.close import close, count_failed
+from mcsettle.run.dispatch import Tally, Work, drive
+from mcsettle.run.pipeline import Finished, Prepared, prepare, refuse_foreign
+from mcsettle.run.worker import Order, share_step_a
+from mcsettle.storage import lock
+from mcsettle.storage.location import Where, place
+from mcsettle.study.study import Study
+
+_LOCAL = re.compile(r"local(?::([1-9][0-9]{0,3}))?")
+_ADDRESS = re.compile(r"(tcp|tls|ws|wss)://[^\s/]+:[0-9]{1,5}")
+
+
+def parse_scheduler(text: str) -> tuple[str, int | None]:
+    """Address and number of local workers that ``--scheduler`` asks for.
+
+    Raises
+    ------
+    InputError
+        It is neither ``local``, ``local:N`` nor an address.
+
+    Examples
+    --------
+    >>> parse_scheduler("local:2"), parse_scheduler("tcp://head:8786")
+    (('local', 2), ('tcp://head:8786', None))
+    """
+    local = _LOCAL.fullmatch(text)
+    if local:
+        return "local", int(local[1]) if local[1] else None
+    if _ADDRESS.fullmatch(text):
+        return text, None
+    raise InputError(
+        f'--scheduler received "{text}"; it takes local, local:N (processes of this machine) or the '
+        "address of a scheduler, such as tcp://host:8786"
+    )
+
+
+def run_distributed(
+    study: Study,
+    out: Where,
+    scheduler: str,
+    realisations: int | None = None,
+    seed: int | None = None,
+    threads: int | None = None,
+    batch: int | None = None,
+    exact: bool = False,
+    progress: Callable[[str, int, int], None] | None = None,
+    processes: int = 1,
+    parameter_sets: int | None = None,
+    shard_size: int | None = None,
+    take_over: bool = False,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Finished:
+    """``pipeline.run_study`` by the workers of a Dask scheduler; the folder ends byte for byte as there.
+
+    Parameters
+    ----------
+    scheduler : "local", "local:N", or the address of a scheduler whose workers see ``out``
+    threads : of each worker (None: its share of this machine's cores for local ones, else 1)
+    tell : is told what a person should know
+    others : as ``run_study``
+
+    Raises
+    ------
+    InputError
+        As ``run_study``; the extra ``distributed`` is not installed; no scheduler answers.
+    """
+    parse_scheduler(scheduler)
+    _wants_distributed()
+    study = study.with_run(realisations, seed, "every_axle" if exact else None, parameter_sets)
+    at = place(out)
+    refuse_foreign(at, study)
+    with lock.held(at, "run", take_over):
+        ready = prepare(
+            study, at, None, batch, progress, processes, shard_size=shard_size, start=False
+        )
+        numbers, tally = _numbers(ready), Tally(len(ready.shards))
+        if numbers:
+            if not study.nested:
+                share_step_a(at, ready.central)
+            digest, n = ready.job.provenance.digest, study.run.realisations
+            with workers(scheduler, processes) as (address, share):
+                order = Order(at.where, digest, n, study.n_sets, threads or share, batch)
+                drive(Work(ready, numbers, tally, order, tell), address, progress)
+        remarks = close(at, study, ready.members, ready.job.provenance)
+        n_failed = count_failed(at)
+    told = dict.fromkeys((*ready.job.remarks, *tally.remarks, *remarks))
+    failed = (f"shard {name}: {why}" for name, why in tally.failed.items())
+    return Finished(
+        Path(str(out)), n_failed, (*told, *failed), True, tally.n_shards, tally.computed
+    )
+
+
+def _numbers(ready: Prepared) -> deque[int]:
+    """Numbers of the shards that are left to compute, in order."""
+    todo = {shard.name for shard in ready.todo}
+    return deque(n for n, shard in enumerate(ready.shards) if shard.name in todo)
+
+
+def _wants_distributed() -> None:
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise InputError(
+            "--scheduler needs the extra 'distributed': pip install 'mcsettle[distributed]'"
+        ) from None
+
+
+@contextlib.contextmanager
+def workers(scheduler: str, cores: int) -> Iterator[tuple[str, int]]:
+    """Address of the scheduler and threads of each worker; local ones live as long as the context.
+
+    Parameters
+    ----------
+    scheduler : as for ``run_distributed``
+    cores : of this machine, shared by local workers
+
+    Raises
+    ------
+    InputError
+        ``scheduler`` is none; the extra ``distributed`` is not installed.
+    """
+    address, n = parse_scheduler(scheduler)
+    _wants_distributed()
+    if address != "local":
+        yield address, 1
+        return
+    from distributed import LocalCluster
+
+    n = n or max(1, cores)
+    with LocalCluster(
+        n_workers=n,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        memory_limit=0,
+        silence_logs=50,
+    ) as cluster:
+        yield cluster.scheduler_address, max(1, cores // n)

@@ -1,0 +1,139 @@
+"""What a run will take: realisations, batches, memory, disk and time, from a short probe.
+
+The probe advances a few tracks of every scenario (Step A is computed first where it is not cached: the
+run finds it there). An update passage by passage costs the same whatever the track, so its rate is
+measured over one launch and multiplied by the passages that a cycle jump of the same tracks foresees.
+"""
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcsettle.run.compute import BATCH
+from mcsettle.run.scenario import build_case, initial_profiles, sample_days
+from mcsettle.run.transfers import step_a
+from mcsettle.step_b.case import Case
+from mcsettle.step_b.cycles import update_weights
+from mcsettle.step_b.engine import Engine
+from mcsettle.study.study import Study, study_wavenumbers
+from mcsettle.types import Progress
+
+PROBED = 256  # tracks of a scenario: four full tiles, enough for both cores of a small machine
+MOST_PROBES = 8
+BASE_MB = 450.0  # interpreter, libraries and kernels, measured
+STAGES = 16  # arrays of [batch, K + 1] that a cycle jump holds at a time
+ROW_BYTES = 35 + 18 + 8  # of ``realisations``, ``effects`` and their files, compressed, measured
+SAMPLE_BYTES = 4.6  # of an SD of ``history``, compressed, measured
+FIXED_SECONDS = 3.0  # start-up and summary
+SUMMARY_SECONDS = 2e-5  # of a row
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a run will take; ``seconds`` on this machine as busy as it is now, Step A apart."""
+
+    scenarios: int
+    variants: int
+    parameter_sets: int
+    realisations: int
+    rows: int
+    stepping: str
+    modes: int
+    passages: float
+    batches: int
+    batch: int
+    memory_mb: float
+    disk_mb: float
+    seconds: float
+
+
+def plan(
+    study: Study,
+    threads: int | None = None,
+    batch: int | None = None,
+    progress: Progress | None = None,
+    processes: int = 1,
+) -> Plan:
+    """Probe ``study`` and say what running it will take (arguments as ``run_study``).
+
+    ``passages``: axle passages of all realisations together.
+    """
+    prepared = step_a(study, progress, processes)
+    pairs = [(v, s) for v in study.variant_names for s in study.scenario_names]
+    n, n_sets = study.run.realisations, study.n_sets
+    taken = pairs[:: math.ceil(len(pairs) / MOST_PROBES)]
+    tracks = range(min(PROBED, n))
+    probes = [
+        _probe(
+            study,
+            build_case(study, prepared, *pair),
+            initial_profiles(study, tracks, pair[0]),
+            threads,
+        )
+        for pair in taken
+    ]
+    seconds, passages = np.mean(probes, axis=0)
+    rows = n * len(pairs) * n_sets
+    size = min(batch or BATCH, BATCH, n)
+    modes = len(study_wavenumbers(study))
+    return Plan(
+        scenarios=len(study.scenario_names),
+        variants=len(study.variant_names),
+        parameter_sets=n_sets,
+        realisations=n,
+        rows=rows,
+        stepping=study.run.stepping,
+        modes=modes,
+        passages=float(passages * rows),
+        batches=math.ceil(n / size) * len(pairs) * n_sets,
+        batch=size,
+        memory_mb=BASE_MB + size * (modes + 1) * 16 * STAGES / 1e6 + rows * 400 / 1e6,
+        disk_mb=rows * (ROW_BYTES + SAMPLE_BYTES * len(sample_days(study))) / 1e6,
+        seconds=FIXED_SECONDS + float(seconds + SUMMARY_SECONDS) * rows,
+    )
+
+
+def is_long(study: Study) -> bool:
+    """Whether a run is long enough for its plan to be worth a probe."""
+    rows = study.run.realisations * study.n_sets * len(study.scenarios) * len(study.variant_names)
+    slow = study.run.stepping != "cycle_jump" or study.run.right_hand_side == "pointwise"
+    return rows > (100 if slow else 200_000)
+
+
+def _probe(
+    study: Study, case: Case, profiles: np.ndarray, threads: int | None
+) -> tuple[float, float]:
+    """Seconds and axle passages a realisation."""
+    run, days = study.run, sample_days(study)
+    jump_side = "spectral" if run.stepping != "cycle_jump" else run.right_hand_side
+    jump = Engine(case, "cycle_jump", jump_side, threads=threads)
+    jump.run(profiles[:1], days)  # compiled
+    start = time.perf_counter()
+    outcome = jump.run(profiles, days)
+    seconds = (time.perf_counter() - start) / len(profiles)
+    passages = float(outcome.passages.mean())
+    if run.stepping == "cycle_jump":
+        return seconds, passages
+    rate = _marching(case, study, profiles, threads)
+    trains = passages / case.timetable.passages_per_day
+    trains *= sum(service.per_day for service in case.timetable.services)
+    return (passages if run.stepping == "every_axle" else trains) / rate, passages
+
+
+def _marching(case: Case, study: Study, profiles: np.ndarray, threads: int | None) -> float:
+    """Updates of realisations a second, one launch measured."""
+    run = study.run
+    engine = Engine(
+        case, run.stepping, run.right_hand_side, threads=threads, precision=run.precision
+    )
+    assert engine.loads is not None
+    state = engine.loads.begin(profiles, np.inf)
+    first = update_weights(case, engine.loads.plan, 0, 2)
+    state.advance(*first, *engine.loads.coefficients)  # compiled
+    count = state.burst_size()
+    updates = update_weights(case, engine.loads.plan, 2, count)
+    start = time.perf_counter()
+    state.advance(*updates, *engine.loads.coefficients)
+    return count * len(profiles) / (time.perf_counter() - start)

@@ -1,0 +1,163 @@
+"""What a run consists of and how much of it is there: every shard looked at, nothing computed."""
+
+import re
+from dataclasses import dataclass
+
+import mcsettle
+from mcsettle.errors import InputError
+from mcsettle.run.shards import Shard, all_shards
+from mcsettle.storage import lock, shard_record, store
+from mcsettle.storage.location import Place, Where, place
+from mcsettle.study.study import Study
+from mcsettle.summary.results import STUDY_FILE, study_of
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A shard that is not whole: ``state`` is "missing", "damaged" or "failed"."""
+
+    shard: str
+    state: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a results folder holds of its run.
+
+    ``shards`` and ``whole`` by (variant, scenario); ``strays`` are files of no shard of this run;
+    ``finished``: there is a manifest and every file agrees with it.
+    """
+
+    folder: str
+    provenance: store.Provenance
+    realisations: int
+    parameter_sets: int
+    shards: dict[tuple[str, str], int]
+    whole: dict[tuple[str, str], int]
+    n_failed: int
+    faults: tuple[Fault, ...]
+    strays: tuple[str, ...]
+    owners: tuple[lock.Owner, ...]
+    finished: bool
+    remark: str = ""
+
+    @property
+    def n_shards(self) -> int:
+        """Shards of the run."""
+        return sum(self.shards.values())
+
+    @property
+    def n_whole(self) -> int:
+        """Shards that are there and whole."""
+        return sum(self.whole.values())
+
+
+def survey(folder: Where) -> Survey:
+    """Look at every shard of the run that ``folder`` holds.
+
+    Raises
+    ------
+    InputError
+        It is no results folder, or its study cannot be read.
+    """
+    at = place(folder)
+    provenance, study = store.read_provenance(at), study_of(at)
+    _refuse_other(at, provenance, study)
+    shards = all_shards(study, provenance.shard_realisations)
+    total, whole = dict[tuple[str, str], int](), dict[tuple[str, str], int]()
+    faults, n_failed = [], 0
+    held = held_shards(at)
+    for shard in shards:
+        key = (shard.variant, shard.scenario)
+        total[key] = total.get(key, 0) + 1
+        found = _fault(at, shard, provenance, shard.name in held)
+        if isinstance(found, Fault):
+            faults.append(found)
+        else:
+            whole[key] = whole.get(key, 0) + 1
+            n_failed += found
+    finished, remark = _is_finished(at)
+    return Survey(
+        folder=str(at),
+        provenance=provenance,
+        realisations=study.run.realisations,
+        parameter_sets=study.n_sets,
+        shards=total,
+        whole={key: whole.get(key, 0) for key in total},
+        n_failed=n_failed,
+        faults=tuple(faults),
+        strays=tuple(sorted(strays(at, shards))),
+        owners=tuple(lock.owners(at)),
+        finished=finished and not faults,
+        remark=remark,
+    )
+
+
+def held_shards(at: Place) -> set[str]:
+    """Names of the shards that have a record."""
+    names = (name.rpartition("/")[2] for name in at.names(shard_record.RECORDS))
+    return {name.removesuffix(".json") + ".parquet" for name in names if name.endswith(".json")}
+
+
+def refuse_smaller(at: Place, held: set[str], study: Study) -> None:
+    """Refuse a folder that already holds more than is asked for.
+
+    Raises
+    ------
+    InputError
+        The message names both numbers.
+    """
+    stems = [name.removesuffix(".parquet") for name in held]
+    ends = [int(stem.rsplit("-", 1)[-1]) + 1 for stem in stems if stem[-8:].isdigit()]
+    sets = [int(found[1]) + 1 for stem in stems if (found := re.search(r"--set(\d+)--", stem))]
+    for kind, n, asked in (
+        ("realisations", max(ends, default=0), study.run.realisations),
+        ("parameter sets", max(sets, default=0), study.n_sets),
+    ):
+        if n > asked:
+            raise InputError(
+                f"'{at}' holds {n} {kind} and {asked} are asked for; "
+                "ask for at least as many, or give another folder"
+            )
+
+
+def _fault(at: Place, shard: Shard, provenance: store.Provenance, listed: bool) -> Fault | int:
+    """What is wrong with a shard, or how many of its rows failed."""
+    found = shard_record.read_record(at, shard.name, provenance) if listed else None
+    if found is None:
+        reason = "its record is damaged or of another run" if listed else "not computed yet"
+        return Fault(shard.name, "damaged" if listed else "missing", reason)
+    reason = shard_record.fault(at, shard.name, found, len(shard.indices)) or ""
+    if reason:
+        return Fault(shard.name, "damaged", reason)
+    return Fault(shard.name, "failed", found.failure) if found.failure else found.n_failed
+
+
+def _is_finished(at: Place) -> tuple[bool, str]:
+    try:
+        store.verify(at)
+    except InputError as error:
+        return False, str(error)
+    return True, ""
+
+
+def _refuse_other(at: Place, provenance: store.Provenance, study: Study) -> None:
+    """Refuse a folder whose study is not the one its provenance names, or of another version."""
+    if study.digest != provenance.study_digest:
+        raise InputError(
+            f"'{at}/{STUDY_FILE}' is not the study of this run (its digest is {study.digest}, the "
+            f"run's {provenance.study_digest}); run the study into the folder again"
+        )
+    if provenance.package_version != mcsettle.__version__:
+        raise InputError(
+            f"'{at}' is of mcsettle {provenance.package_version}, this is {mcsettle.__version__}; "
+            "use that version, or run the study into another folder"
+        )
+
+
+def strays(at: Place, shards: list[Shard]) -> set[str]:
+    """Files in the folders of shards that belong to none of them."""
+    own = {shard.name for shard in shards}
+    names = [name for table in (*shard_record.SHARDED, "effects") for name in at.names(table)]
+    return {name for name in names if name.partition("/")[2] not in own}

@@ -1,0 +1,105 @@
+"""Step A of the parameter sets to come, computed ahead in processes of their own, one set a process.
+
+Where the ground, a vehicle or a speed is uncertain, every set has a Step A of its own. Within one, the
+bands of the ground share out to processes but the transfer functions do not; across sets everything
+does. What a process finds it leaves in the cache folder, where the run picks it up, so a run that is
+interrupted has lost the sets in flight and no more.
+"""
+
+import multiprocessing
+from collections.abc import Mapping
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
+from contextlib import ExitStack, suppress
+from types import TracebackType
+
+from mcsettle.errors import InputError, NumericalError
+from mcsettle.railway.track import SectionTrack
+from mcsettle.run.transfers import Shelf, needs, step_a
+from mcsettle.study.study import Study
+from mcsettle.types import Progress
+
+WORTHWHILE: type = SectionTrack  # a beam's Step A takes less than a process takes to start
+
+
+class Ahead:
+    """A window of Step A's in flight; ``wait`` before a set is needed.
+
+    Parameters
+    ----------
+    studies : the parameter sets still to run, in their order, by index
+    shelf : what is at hand already; sets that need nothing else cost nothing here
+    processes : at most so many; with one, or fewer than two sets to compute, nothing is started
+    progress : called as progress(stage, done, total)
+    """
+
+    def __init__(
+        self,
+        studies: Mapping[int, Study],
+        shelf: Shelf,
+        processes: int,
+        progress: Progress | None = None,
+    ) -> None:
+        self.shelf, self.processes, self.progress = shelf, processes, progress
+        self.left: list[tuple[int, Study]] = []
+        seen = set(shelf.found)
+        for index, study in studies.items():
+            own = needs(study, shelf)
+            if not own <= seen and any(isinstance(key[0], WORTHWHILE) for key in own):
+                self.left.append((index, study))
+                seen |= own
+        self.total, self.done = len(self.left), 0
+        self.running: dict[int, Future[None]] = {}
+        self.stack = ExitStack()
+        self.pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> "Ahead":
+        if self.processes > 1 and self.total > 1:
+            from mcsettle.step_a.fem25d.section_response import worker_environment
+
+            self.stack.enter_context(worker_environment())
+            context = multiprocessing.get_context("spawn")
+            self.pool = ProcessPoolExecutor(min(self.processes, self.total), mp_context=context)
+            self._fill()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self.pool is not None:
+            self.pool.shutdown(wait=True, cancel_futures=True)
+        self.stack.close()
+
+    def wait(self, index: int) -> None:
+        """Until what set ``index`` needs is in the cache folder.
+
+        A set that failed there is left to the caller, who meets the same error.
+        """
+        found = self.running.pop(index, None)
+        for passed in [k for k in self.running if k < index]:  # their rows were there after all
+            self.running.pop(passed).cancel()
+        self.left = [(k, study) for k, study in self.left if k > index]
+        if self.pool is not None:
+            self._fill()
+        if found is None:
+            return
+        with suppress(InputError, NumericalError, CancelledError):
+            found.result()
+        self.done += 1
+        if self.progress is not None:
+            self.progress("Step A: parameter sets", self.done, self.total)
+
+    def _fill(self) -> None:
+        assert self.pool is not None
+        while self.left and len(self.running) <= self.processes:
+            index, study = self.left.pop(0)
+            self.running[index] = self.pool.submit(
+                _computed, study, self.shelf.axle_loads, self.shelf.many_grounds
+            )
+
+
+def _computed(study: Study, axle_loads: dict[str, float], many_grounds: bool) -> None:
+    """Step A of one parameter set, into the cache folder."""
+    step_a(study, shelf=Shelf(axle_loads=axle_loads, many_grounds=many_grounds))

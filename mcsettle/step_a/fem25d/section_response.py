@@ -1,0 +1,216 @@
+"""The door to Step A: reduced bases for a track, from disk or computed, as a ``SectionResponse``."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mcsettle.railway.track import SectionTrack, rayleigh_speed
+from mcsettle.step_a.fem25d.cache import FORMAT, digest_of, read_bases, write_bases
+from mcsettle.step_a.fem25d.moving_load import SectionResponse
+from mcsettle.step_a.fem25d.reduced_basis import Band, Bases, grow_band, output_error, training_set
+from mcsettle.step_a.fem25d.section import Section
+from mcsettle.step_a.fem25d.settings import Settings
+from mcsettle.step_a.fem25d.solve import outputs, solve
+from mcsettle.step_a.fem25d.stress_outputs import centreline
+from mcsettle.step_a.fem25d.track_section import ElementProperties, track_section
+from mcsettle.storage.files import cache_folder
+
+Progress = Callable[[int, int, str], None]
+HELD_OUT_SEED = 8_230_451
+# What a spawned process reads when it starts: one BLAS thread; and freed memory stays with it, as every
+# factorisation takes tens of megabytes whose pages the system would clear again each time (glibc).
+WORKER = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "MALLOC_MMAP_THRESHOLD_": "1000000000",
+    "MALLOC_TRIM_THRESHOLD_": "1000000000",
+}
+
+
+def section_response(
+    track: SectionTrack,
+    integration_depth: float = 5.5,
+    settings: Settings | None = None,
+    cache: Path | None = None,
+    progress: Progress | None = None,
+    workers: int = 1,
+    use_cache: bool = True,
+    properties: ElementProperties | None = None,
+    deferred: bool = False,
+) -> SectionResponse:
+    """Response of a ballasted track to moving loads (Step A), computed once and kept on disk.
+
+    Parameters
+    ----------
+    track : SectionTrack
+        Track and ground.
+    integration_depth : float
+        Depth [m] below the subgrade surface to which stresses are given.
+    settings : Settings, optional
+        Numerical settings.
+    cache : Path, optional
+        Folder of stored bases; default ``MCSETTLE_CACHE`` or the user's cache folder.
+    progress : callable, optional
+        Called as ``progress(done, total, text)`` when a band of wavenumbers is finished.
+    workers : int
+        Processes (spawned, and closed before return); 1 computes in this process.
+    use_cache : bool
+        False neither reads nor writes stored bases.
+    properties : ElementProperties, optional
+        Moduli and damping element by element (``soften``); default those of the layers.
+    deferred : bool
+        True leaves the bases until they are first asked for: its digest alone may do.
+
+    Raises
+    ------
+    ValueError
+        For a depth, setting or number of workers out of range.
+    NumericalError
+        If a reduced basis misses its tolerance.
+    """
+    settings = Settings() if settings is None else settings
+    if workers < 1:
+        raise ValueError(f"workers is {workers}; at least one is needed")
+    model = _Model(track, integration_depth, settings, properties)
+    folder = cache_folder() if cache is None else Path(cache)
+
+    def load() -> Bases:
+        path = folder / f"section-{model.basis_digest[:32]}.npz"
+        found = read_bases(path) if use_cache else None
+        if found is None:
+            found = _compute(model, progress, workers)
+            if use_cache:
+                write_bases(path, found)
+        return found
+
+    response = SectionResponse(
+        track, integration_depth, settings, load, digest_of(model.description), properties
+    )
+    if not deferred:
+        _ = response.bases
+    return response
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """All that a response depends on."""
+
+    track: SectionTrack
+    integration_depth: float
+    settings: Settings
+    properties: ElementProperties | None
+
+    def section(self) -> Section:
+        """The full operator."""
+        return track_section(
+            self.track, self.integration_depth, self.settings.mesh, self.properties
+        )
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """Everything a response depends on (the settlement laws are not part of it)."""
+        layers = tuple(replace(layer, law=None) for layer in self.track.layers)
+        found = {
+            "format": FORMAT,
+            "track": asdict(replace(self.track, layers=layers)),
+            "integration_depth": self.integration_depth,
+            "settings": self.settings.description,
+        }
+        if self.properties is not None:
+            found["properties"] = self.properties.digest
+        return found
+
+    @property
+    def basis_digest(self) -> str:
+        """Digest of what the bases depend on: not rail, pad, settlement laws, K0 or quadrature."""
+        plain = replace(self.settings, panel=1.0, panel_points=2)
+        description = replace(self, settings=plain).description
+        del description["track"]["pad"]
+        rail = description["track"]["rail"]
+        description["track"]["rail"] = [rail["offset"], rail["foot_width"]]
+        for layer in description["track"]["layers"]:
+            del layer["k0"], layer["name"]
+        return digest_of(description)
+
+
+def _compute(model: _Model, progress: Progress | None, workers: int) -> Bases:
+    """Grow every band, here or in spawned processes; the result does not depend on which."""
+    count = len(model.settings.bands)
+    done: dict[int, tuple[Band, np.ndarray, np.ndarray]] = {}
+
+    def report(index: int) -> None:
+        if progress is not None:
+            solves = sum(band.solves for band, *_ in done.values())
+            progress(len(done), count, f"track response: {solves} solutions")
+
+    if workers == 1:
+        section = model.section()
+        for i in range(count):
+            done[i] = _grow(section, model, i)
+            report(i)
+    else:
+        context = multiprocessing.get_context("spawn")
+        with (
+            worker_environment(),
+            ProcessPoolExecutor(min(workers, count), mp_context=context) as pool,
+        ):
+            jobs = {pool.submit(_task, model, i): i for i in range(count)}
+            for job in as_completed(jobs):
+                done[jobs[job]] = job.result()
+                report(jobs[job])
+    bands, errors, heights = zip(*(done[i] for i in range(count)), strict=True)
+    return Bases(bands, np.concatenate(errors), heights[0])
+
+
+@contextmanager
+def worker_environment() -> Iterator[None]:
+    """Environment for processes spawned inside; that of this process is put back."""
+    before = {name: os.environ.get(name) for name in WORKER}
+    os.environ.update(WORKER)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+_sections: dict[str, Section] = {}  # of a worker process: bands of one track share their section
+
+
+def _task(model: _Model, index: int) -> tuple[Band, np.ndarray, np.ndarray]:
+    key = model.basis_digest
+    if key not in _sections:
+        _sections.clear()
+        _sections[key] = model.section()
+    return _grow(_sections[key], model, index)
+
+
+def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray, np.ndarray]:
+    """One band, its errors at random points it never saw, and the heights of its centreline."""
+    track, settings = model.track, model.settings
+    lower = 0.0 if index == 0 else settings.bands[index - 1]
+    upper = settings.bands[index]
+    section = section.for_wavenumbers(lower, settings.mesh.border)
+    speeds = {rayleigh_speed(layer.material) for layer in track.ground}
+    training = training_set(lower, upper, settings.max_omega, settings.max_speed, sorted(speeds))
+    rows, heights = centreline(section.basis, section.free, -model.integration_depth)
+    band = grow_band(section, lower, upper, training, settings.tolerance, settings.max_solves, rows)
+    rng = np.random.Generator(np.random.Philox(key=[HELD_OUT_SEED, index]))
+    errors = []
+    for i, (at, share) in enumerate(rng.random((settings.held_out, 2)), start=index):
+        # Anywhere; on the line of a constant moving load; among the slow waves.
+        k = lower + (upper - lower) * at
+        highest = settings.max_omega + k * settings.max_speed
+        omega = (share * highest, share * k * settings.max_speed, highest * 1e-3**share)[i % 3]
+        exact = outputs(section, k, solve(section, k, omega))
+        errors.append(output_error(band.outputs(k, np.array([omega]))[0], exact))
+    return band, np.array(errors), heights

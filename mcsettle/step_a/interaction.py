@@ -1,0 +1,211 @@
+"""Dynamic wheel–rail interaction of a whole train: Eq. (3) and Appendix A.
+
+At driving frequency Ω = κv of a profile Δu(x) = Re U e^{iκx} the wheelsets meet U b_j with
+b_j = e^{iκ a_j}, and the dynamic forces on the track are
+
+    f = -(V_c + V^H + T_c)⁻¹ b                                                 Eqs. (3), (11), (12)
+
+per metre of U, with V_c block-diagonal by car, V^H diagonal and T_c full: all cars act on each
+other through the track. ``precompute`` turns a track's response and a train into the transfer
+functions that are all Step B knows; ``save`` and ``load`` keep them on disk.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcsettle.railway.traffic import Train
+from mcsettle.railway.vehicle import vehicle_compliance
+from mcsettle.step_a.transfer import TrackResponse, TransferFunctions, WavenumberSpectra
+from mcsettle.step_a.transfer_file import load, save
+
+__all__ = [
+    "HERTZ_STIFFNESS",
+    "dynamic_forces",
+    "load",
+    "precompute",
+    "save",
+    "track_compliance_matrix",
+    "train_compliance",
+    "transfer_digest",
+]
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+HERTZ_STIFFNESS = 2 * 1.36e9  # N/m per wheelset: two crossed-cylinder contacts under 85 kN each
+
+
+def train_compliance(train: Train, omega: float) -> ComplexArray:
+    """Compliance of all cars at their wheelsets, [J, J] m/N, block-diagonal; Eq. (15).
+
+    ``omega`` is the driving frequency [rad/s], not zero.
+    """
+    blocks = {car: vehicle_compliance(car, omega) for car in set(train.cars)}
+    matrix = np.zeros((train.n_axles, train.n_axles), dtype=complex)
+    for number, car in enumerate(train.cars):
+        matrix[4 * number : 4 * number + 4, 4 * number : 4 * number + 4] = blocks[car]
+    return matrix
+
+
+def track_compliance_matrix(spectra: WavenumberSpectra, positions: Array) -> ComplexArray:
+    """Compliance of the rail between axles, moving with the train.
+
+    T_c,jl = (1/2π) ∫ ũ(k, Ω + kv) e^{-ik(a_j - a_l)} dk; Eq. (13) is its diagonal.
+
+    Parameters
+    ----------
+    spectra
+        Response at one (Ω, v).
+    positions
+        Axle positions a_j [m], shape [J], positive forward.
+
+    Returns
+    -------
+    Shape [J, J] [m/N]: rail displacement (down) at axle j for a unit force at axle l.
+    """
+    return _track_compliance(spectra, _phases(spectra.wavenumbers, positions))
+
+
+def dynamic_forces(
+    vehicle: ComplexArray, track: ComplexArray, excitation: ComplexArray, hertz_stiffness: float
+) -> ComplexArray:
+    """Dynamic wheel–rail forces on the track [N], shape [J], positive down; Eqs. (3) and (14).
+
+    ``vehicle`` and ``track`` are the compliances V_c and T_c [J, J] m/N; ``excitation`` is the
+    profile under each wheelset [J] m (complex, positive down); ``hertz_stiffness`` is k_H
+    [N/m per wheelset].
+    """
+    total = vehicle + track + np.eye(excitation.size) / hertz_stiffness
+    return np.asarray(-np.linalg.solve(total, excitation), dtype=complex)
+
+
+def precompute(
+    train: Train,
+    speed: float,
+    response: TrackResponse,
+    wavenumbers: Array,
+    hertz_stiffness: float = HERTZ_STIFFNESS,
+    progress: Callable[[int, int], None] | None = None,
+) -> TransferFunctions:
+    """Transfer functions of one train at one speed on one track.
+
+    Parameters
+    ----------
+    train
+        The train; all of its axles act together.
+    speed
+        v [m/s].
+    response
+        Step A of the track.
+    wavenumbers
+        κ of the profile modes [rad/m], shape [K], positive.
+    hertz_stiffness
+        Contact stiffness [N/m per wheelset].
+    progress
+        Called with (done, total) after each of the K + 1 driving frequencies.
+
+    Raises
+    ------
+    ValueError
+        If the speed, the wavenumbers or the contact stiffness are not positive.
+    """
+    kappa = np.array(wavenumbers, dtype=float)
+    _check(speed, kappa, hertz_stiffness)
+    positions = train.axle_positions
+    size, modes, depths = positions.size, kappa.size, response.grid.z.size
+    quasi_static, deflection = np.empty((size, 4, depths)), np.empty(size)
+    dynamic = np.empty((size, modes, 4, depths), dtype=complex)
+    force = np.empty((size, modes), dtype=complex)
+    own = np.empty(modes, dtype=complex)
+    waves, phases = np.empty(0), np.empty((size, 0), dtype=complex)
+    omegas = np.concatenate([[0.0], kappa * speed])
+    for step, spectra in enumerate(response.spectra(speed, omegas)):
+        if spectra.wavenumbers is not waves:
+            waves, phases = spectra.wavenumbers, _phases(spectra.wavenumbers, positions)
+        if step == 0:
+            stress, rail = _under_axles(spectra, phases, train.axle_forces.astype(complex))
+            quasi_static[:], deflection[:] = stress.real, rail.real
+        else:
+            mode = step - 1
+            ahead = np.exp(1j * kappa[mode] * positions)
+            track = _track_compliance(spectra, phases)
+            vehicle = train_compliance(train, float(omegas[step]))
+            forces = dynamic_forces(vehicle, track, ahead, hertz_stiffness)
+            stress, _ = _under_axles(spectra, phases, forces)
+            dynamic[:, mode] = stress * ahead.conj()[:, None, None]
+            force[:, mode] = forces * ahead.conj()
+            own[mode] = track[0, 0]
+        if progress is not None:
+            progress(step + 1, omegas.size)
+    return TransferFunctions(
+        train=train.name,
+        speed=speed,
+        wavenumbers=kappa,
+        grid=response.grid,
+        quasi_static=quasi_static,
+        dynamic=dynamic,
+        force=force,
+        track_compliance=own,
+        geostatic=response.geostatic,
+        rail_deflection=deflection,
+        digest=transfer_digest(train, speed, kappa, hertz_stiffness, response.digest),
+    )
+
+
+def transfer_digest(
+    train: Train, speed: float, wavenumbers: Array, hertz_stiffness: float, response_digest: str
+) -> str:
+    """SHA-256 hex digest of everything ``precompute`` depends on; known before it runs."""
+    described = asdict(train)
+    for car in described["cars"]:
+        if car["axle_loads"] is None:  # a car like any other
+            del car["axle_loads"]
+    description = {
+        "train": described,
+        "speed": float(speed),
+        "wavenumbers": np.asarray(wavenumbers, dtype=float).tolist(),
+        "hertz_stiffness": float(hertz_stiffness),
+        "response": response_digest,
+    }
+    return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()
+
+
+def _phases(wavenumbers: Array, positions: Array) -> ComplexArray:
+    """e^{-ik a_j}, shape [J, Q]."""
+    phases: ComplexArray = np.exp(-1j * np.outer(positions, wavenumbers))
+    return phases
+
+
+def _track_compliance(spectra: WavenumberSpectra, phases: ComplexArray) -> ComplexArray:
+    """T_c [J, J] from phases e^{-ik a_j} [J, Q]."""
+    scaled = phases * (spectra.weights * spectra.receptance / (2.0 * np.pi))
+    return np.asarray(scaled @ phases.conj().T, dtype=complex)
+
+
+def _under_axles(
+    spectra: WavenumberSpectra, phases: ComplexArray, forces: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Stress [J, 4, Z] Pa and rail displacement [J] m under each axle, all forces [J] acting."""
+    load = (forces @ phases.conj()) * spectra.weights / (2.0 * np.pi)
+    scaled = phases * load
+    flat = spectra.stress.reshape(spectra.wavenumbers.size, -1)
+    stress = (scaled @ flat).reshape(phases.shape[0], *spectra.stress.shape[1:])
+    return stress, scaled @ spectra.receptance
+
+
+def _check(speed: float, wavenumbers: Array, hertz_stiffness: float) -> None:
+    if not 0.0 < speed < np.inf:
+        raise ValueError(f"speed is {speed} m/s; it must be positive and finite")
+    if not 0.0 < hertz_stiffness < np.inf:
+        raise ValueError(
+            f"Hertz stiffness is {hertz_stiffness} N/m; it must be positive and finite"
+        )
+    if wavenumbers.ndim != 1 or wavenumbers.size == 0:
+        raise ValueError(f"wavenumbers must be a list of at least one, shape {wavenumbers.shape}")
+    if not (np.all(wavenumbers > 0.0) and np.all(np.isfinite(wavenumbers))):
+        raise ValueError("wavenumbers of the profile modes must be positive and finite")

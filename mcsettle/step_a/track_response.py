@@ -1,0 +1,103 @@
+"""The track model that answers for a track: closed-form beam, or section, linear or softened."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mcsettle.railway.softening_choices import SofteningSettings
+from mcsettle.railway.track import BeamTrack, SectionTrack, Track
+from mcsettle.railway.traffic import Train
+from mcsettle.step_a.beam import beam_response
+from mcsettle.step_a.transfer import TrackResponse
+from mcsettle.storage.files import cache_folder
+
+if TYPE_CHECKING:
+    from mcsettle.step_a.fem25d import Settings, SofteningHistory
+from mcsettle.types import Progress
+
+
+@dataclass(frozen=True)
+class Softened:
+    """What softens a ground: one train at one speed [m/s], by these choices.
+
+    In mixed traffic every service has a ground of its own: moduli are those of its own passage.
+    """
+
+    train: Train
+    speed: float
+    settings: SofteningSettings
+
+
+def softening_history(
+    track: SectionTrack, integration_depth: float, softened: Softened
+) -> "SofteningHistory":
+    """How the softening under one service went (from disk where it was computed before).
+
+    Raises
+    ------
+    NumericalError
+        If it does not converge.
+    """
+    from mcsettle.step_a.fem25d.equivalent_linear import softened_ground
+    from mcsettle.step_a.fem25d.settings import Settings
+
+    return softened_ground(
+        track,
+        softened.train,
+        softened.speed,
+        integration_depth,
+        Settings().mesh,
+        softened.settings,
+        cache_folder(),
+    ).history
+
+
+def track_response(
+    track: Track,
+    integration_depth: float,
+    progress: Progress | None = None,
+    workers: int = 1,
+    softened: "Softened | None" = None,
+    settings: "Settings | None" = None,
+) -> TrackResponse:
+    """Step A's track model for ``track``, stresses down to ``integration_depth`` [m] below z = 0.
+
+    The bases of a section are read, or computed, when they are first asked for. With ``softened`` the
+    ground takes the moduli that fit the strains of that train at that speed (equivalent-linear soil).
+    ``workers`` > 1 spawns processes, so the calling program needs a main guard.
+
+    Raises
+    ------
+    NumericalError
+        If the softening does not converge.
+    """
+    if isinstance(track, BeamTrack):
+        return beam_response(track, integration_depth)
+    from mcsettle.step_a.fem25d import equivalent_linear_response, section_response
+
+    if softened is not None:
+        return equivalent_linear_response(
+            track,
+            softened.train,
+            softened.speed,
+            integration_depth,
+            settings,
+            softening=softened.settings,
+            cache=cache_folder(),
+            progress=_reversed(progress),
+            workers=workers,
+            deferred=True,
+        )[0]
+    return section_response(
+        track,
+        integration_depth,
+        settings,
+        cache=cache_folder(),
+        progress=_reversed(progress),
+        workers=workers,
+        deferred=True,
+    )
+
+
+def _reversed(progress: Progress | None) -> Callable[[int, int, str], None] | None:
+    return None if progress is None else lambda done, total, text: progress(text, done, total)

@@ -1,0 +1,119 @@
+"""Transfer functions on disk: one npz file without pickles, written whole or not at all."""
+
+import contextlib
+import hashlib
+import os
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcsettle.errors import InputError
+from mcsettle.step_a.transfer import DepthGrid, TransferFunctions
+from mcsettle.storage.npz import DAMAGED, refuse_large
+
+FORMAT = "mcsettle transfer functions 1"
+_GRID = ("z", "weights", "layer")
+_ARRAYS = (
+    "wavenumbers",
+    "quasi_static",
+    "dynamic",
+    "force",
+    "track_compliance",
+    "geostatic",
+    "rail_deflection",
+)
+_TEXTS = ("train", "digest")
+
+
+def save(transfer: TransferFunctions, path: str | Path) -> None:
+    """Write ``transfer`` to ``path`` (npz), replacing what is there in one step.
+
+    A reader sees the old file or the new one, never a part. The bytes depend on the content alone.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    path = Path(path)
+    members: dict[str, Any] = {name: np.asarray(getattr(transfer, name)) for name in _ARRAYS}
+    members |= {f"grid_{name}": np.asarray(getattr(transfer.grid, name)) for name in _GRID}
+    members |= {name: np.array(getattr(transfer, name)) for name in _TEXTS}
+    members |= {"speed": np.array(transfer.speed), "format": np.array(FORMAT)}
+    members["checksum"] = np.array(_checksum(members))
+    with NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+        try:
+            np.savez(file, **members)
+            file.flush()
+            os.fsync(file.fileno())
+            os.replace(file.name, path)
+        except BaseException:
+            os.unlink(file.name)
+            raise
+
+
+def load(path: str | Path) -> TransferFunctions:
+    """Read the transfer functions that ``save`` wrote.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    InputError
+        If the file is damaged or of another format.
+    """
+    try:
+        refuse_large(Path(path))
+        with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
+            members = {name: file[name] for name in file.files}
+    except FileNotFoundError:
+        raise
+    except (*DAMAGED, KeyError) as error:
+        raise InputError(f"{path} is damaged or no file of transfer functions: {error}") from error
+    stored = str(members.pop("checksum", ""))
+    found = str(members.get("format", "nothing"))
+    if found != FORMAT:
+        raise InputError(f"{path} holds '{found}', expected '{FORMAT}'; compute it anew")
+    if stored != _checksum(members):
+        raise InputError(f"{path} is damaged: its checksum does not match; compute it anew")
+    try:
+        return TransferFunctions(
+            train=str(members["train"]),
+            speed=float(members["speed"]),
+            grid=DepthGrid(*(members[f"grid_{name}"] for name in _GRID)),
+            digest=str(members["digest"]),
+            **{name: members[name] for name in _ARRAYS},
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path} is damaged ({error}); compute it anew") from error
+
+
+def _checksum(members: dict[str, NDArray[Any]]) -> str:
+    """SHA-256 over name, type, shape and bytes of every member, in the order of the names."""
+    total = hashlib.sha256()
+    for name in sorted(members):
+        array = np.ascontiguousarray(members[name])
+        total.update(f"{name} {array.dtype.str} {members[name].shape}\n".encode())
+        total.update(array.tobytes())
+    return total.hexdigest()
+
+
+def keep_newest(folder: Path, pattern: str, most: int) -> None:
+    """Remove the files of ``folder`` that were used longest ago, until ``most`` bytes remain.
+
+    The newest one stays, whatever its size.
+    """
+    found = []
+    for path in folder.glob(pattern):
+        with contextlib.suppress(OSError):  # another process may have removed it
+            state = path.stat()
+            found.append((state.st_mtime_ns, state.st_size, path))
+    held = 0
+    for place, (_, size, path) in enumerate(sorted(found, reverse=True)):
+        held += size
+        if held > most and place > 0:
+            with contextlib.suppress(OSError):
+                path.unlink()

@@ -1,0 +1,50 @@
+"""One scenario as the engine sees it, and what became of its realisations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcsettle.railway.traffic import Timetable
+from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_b.settlement import SettlementModel
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scenario as the engine sees it, SI but for days.
+
+    ``transfers``: one per service of the timetable. ``window`` m, ``sd_limit`` m, ``horizon`` days.
+    """
+
+    timetable: Timetable
+    transfers: tuple[TransferFunctions, ...]
+    model: SettlementModel
+    window: float
+    sd_limit: float
+    horizon: float
+
+    def __post_init__(self) -> None:
+        if len(self.transfers) != len(self.timetable.services):
+            raise ValueError("a case needs one set of transfer functions per service")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of R realisations; NaN days where the limit was not reached.
+
+    ``days`` [R] fractional days to the limit; ``passages`` [R] axle passages simulated; ``sd_initial``
+    and ``sd_final`` [R] m; ``amplitudes`` complex [R, K] m at the end; ``mean_settlement`` [R] m;
+    ``history`` [R, H] m at the sample days (NaN after the stop); ``reached``, ``failed`` [R];
+    ``steps`` [R] integration steps (cycle jump) or updates.
+    """
+
+    reached: np.ndarray
+    failed: np.ndarray
+    days: np.ndarray
+    passages: np.ndarray
+    sd_initial: np.ndarray
+    sd_final: np.ndarray
+    mean_settlement: np.ndarray
+    amplitudes: np.ndarray
+    history: np.ndarray
+    steps: np.ndarray

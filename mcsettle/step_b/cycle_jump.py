@@ -1,0 +1,138 @@
+"""Cycle jump: many days at once, with an error estimate and a step of its own for each realisation.
+
+The growth of the amplitudes per day is dU/d(day) = Σ_e w_e(day) F_e(U), e running over services and
+settling layers, F the settlement of a whole train at a frozen profile and w the growth of the cycle
+functions. It is integrated in s = log(1 + day/scale), in which it is nearly constant. The cycle
+functions enter exactly; only the feedback of the profile is approximated, within the tolerance.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_b.cycles import daily_weights
+from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
+from mcsettle.step_b.runge_kutta import integrate
+from mcsettle.step_b.sd_map import Roughness
+from mcsettle.step_b.spectral import ModePairs, fast_growth, stacked, train_form
+
+Growth = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def cycle_jump(
+    case: Case,
+    amplitudes: np.ndarray,
+    sample_days: np.ndarray,
+    growth: Growth,
+    measure: Roughness,
+    tolerance: float,
+    factor: np.ndarray | None = None,
+    ground_days: np.ndarray | None = None,
+) -> Outcome:
+    """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``).
+
+    ``growth`` maps amplitudes [A, K] and weights [A, E] to the growth of both parts of the state.
+    """
+    model = case.model
+    before = min(model.cycles_before(law) for law in model.group_laws)
+    scale = before / (model.cycles_per_passage * case.timetable.passages_per_day)
+    factors = np.ones(len(amplitudes)) if factor is None else np.asarray(factor, dtype=float)
+
+    before_tamping = np.zeros(len(amplitudes)) if ground_days is None else ground_days
+
+    def rate(time: np.ndarray, state: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        day = scale * np.expm1(time)
+        daily = daily_weights(case, day, before_tamping[rows])
+        weights = daily * (factors[rows] * (day + scale))[:, None]
+        change, uniform = growth(state[:, :-1], weights)
+        return np.concatenate([change, uniform[:, None]], axis=1)
+
+    state = np.concatenate([amplitudes, np.zeros((len(amplitudes), 1))], axis=1).astype(complex)
+    end = float(np.log1p(case.horizon / scale))
+    samples = np.log1p(sample_days / scale)
+    path = integrate(rate, state, end, case.sd_limit, measure, samples, tolerance)
+    day = scale * np.expm1(path.time)
+    if len(case.timetable.services) > 1 and path.reached.any():
+        at = np.flatnonzero(path.reached)
+        day[at] = _in_timetable_order(
+            case, growth, path.state[at, :-1], day[at], measure, before_tamping[at]
+        )
+    return Outcome(
+        reached=path.reached,
+        failed=path.failed,
+        days=np.where(path.reached, day, np.nan),
+        passages=np.rint(day * case.timetable.passages_per_day).astype(np.int64),
+        sd_initial=measure.sd(amplitudes),
+        sd_final=measure.sd(path.state[:, :-1]),
+        mean_settlement=path.state[:, -1].real,
+        amplitudes=path.state[:, :-1],
+        history=path.sd,
+        steps=path.steps,
+    )
+
+
+def _in_timetable_order(
+    case: Case,
+    growth: Growth,
+    amplitudes: np.ndarray,
+    day: np.ndarray,
+    measure: Roughness,
+    ground_days: np.ndarray,
+) -> np.ndarray:
+    """Day-averaged crossing days [A] as days of the ordered timetable.
+
+    Within its last day a track does not roughen evenly: each service adds its own share of the day's
+    growth of the variance, during its own share of the day's passages. The averaged day's fraction is
+    read as a fraction of the growth, and mapped to passages service by service.
+    """
+    services = case.timetable.services
+    n_groups = len(case.model.group_laws)
+    weights, embedded = daily_weights(case, day, ground_days), measure.embed(amplitudes)
+    shares = []
+    for s in range(len(services)):
+        own = np.zeros_like(weights)
+        own[:, s * n_groups : (s + 1) * n_groups] = weights[:, s * n_groups : (s + 1) * n_groups]
+        change, _ = growth(amplitudes, own)
+        shares.append(np.sum(embedded * measure.embed(change), axis=1))
+    whole = np.sum(shares, axis=0)
+    done, passages, left = np.zeros(len(day)), np.zeros(len(day)), np.ones(len(day), bool)
+    fraction = day - np.floor(day)
+    for s, share in enumerate(shares):
+        axles = services[s].per_day * services[s].train.n_axles
+        part = share / whole
+        begun = done >= fraction  # a track at its limit before the day's first train stays there
+        with np.errstate(divide="ignore", invalid="ignore"):
+            here = np.where(begun, 0.0, np.clip((fraction - done) / part, 0.0, 1.0))
+        ends = left & (begun | ((part > 0.0) & (done + part >= fraction)))
+        passages += np.where(ends, here * axles, np.where(left, float(axles), 0.0))
+        left &= ~ends
+        done = done + part
+    return np.floor(day) + passages / case.timetable.passages_per_day
+
+
+def spectral_growth(case: Case, pairs: ModePairs) -> Growth:
+    """Growth by the second-order form of whole trains."""
+    form = stacked([train_form(transfer, case.model, pairs) for transfer in case.transfers])
+    packed = form.packed()
+
+    def growth(amplitudes: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return fast_growth(form, packed, amplitudes, weights, pairs)
+
+    return growth
+
+
+def exact_growth(case: Case) -> Growth:
+    """Growth at every x and depth: any law without expansion, several times slower."""
+    loads = [pointwise_load(transfer, case.model, case.window) for transfer in case.transfers]
+    n_groups = len(case.model.group_laws)
+
+    def growth(amplitudes: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        change, uniform = np.zeros_like(amplitudes), np.zeros(len(amplitudes))
+        for s, load in enumerate(loads):
+            own = weights[:, s * n_groups : (s + 1) * n_groups]
+            parts = pointwise_growth(load, np.arange(load.n_axles), amplitudes, own)
+            change, uniform = change + parts[0], uniform + parts[1]
+        return change, uniform
+
+    return growth

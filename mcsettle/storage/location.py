@@ -1,0 +1,250 @@
+"""Where results live: a folder, or a prefix of an object store, behind the same five verbs.
+
+Files are written whole or not at all: aside and moved into place in a folder, by one PUT in a store
+(``s3://``, ``gs://``, ``abfs://`` through pyarrow). Nothing is reached over a network unless its URL
+was given. What is read is bounded in size and number: folders come from others too.
+"""
+
+import contextlib
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from mcsettle.errors import InputError
+from mcsettle.storage.files import ASIDE, URL, is_url, read_regular, writable, write_bytes
+
+LARGEST = 2 * 1024**3  # bytes of one file that is read
+MOST_FILES = 4_000_000
+LONGEST_REASON = 400  # characters of what a store's client says of an error
+DEEPEST = 8  # folders below a results folder; ours are one deep
+# How long Google's client tries again [s], which is a quarter of an hour unless told: until it has
+# been answered once, when URL and credentials are probably wrong, and from then on.
+FIRST_PATIENCE, PATIENCE = 1, 60
+
+
+class Place(ABC):
+    """A results folder. Names are relative, with ``/``; a part of a hidden one starts with a dot."""
+
+    where: str
+
+    @abstractmethod
+    def read(self, name: str, largest: int = LARGEST) -> bytes:
+        """Bytes of a file.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        InputError
+            It cannot be read, or has more than ``largest`` bytes.
+        """
+
+    @abstractmethod
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file whole or not at all, replacing what is there.
+
+        Raises
+        ------
+        InputError
+            The place cannot be written.
+        """
+
+    @abstractmethod
+    def remove(self, name: str) -> None:
+        """Remove a file; nothing happens if there is none."""
+
+    @abstractmethod
+    def names(self, below: str = "") -> list[str]:
+        """Names of all files below a folder of the place, unfinished ones left out, sorted."""
+
+    @abstractmethod
+    def exists(self) -> bool:
+        """Whether there is anything at all."""
+
+    def sweep(self) -> None:  # noqa: B027 - only folders have unfinished files
+        """Remove what killed writers have left unfinished; for an exclusive owner only."""
+
+    def tidy(self) -> None:  # noqa: B027
+        """Remove the folder of unfinished files if it is empty."""
+
+    def text(self, name: str, largest: int) -> str:
+        """A file as UTF-8 text; raises as ``read``, and for other bytes."""
+        try:
+            return self.read(name, largest).decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise InputError(f"'{self}/{name}' is damaged: no UTF-8 text") from error
+
+    def __str__(self) -> str:
+        return self.where
+
+
+class Folder(Place):
+    """A folder of this machine or of a shared drive."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.where = path, str(path)
+
+    def read(self, name: str, largest: int = LARGEST) -> bytes:
+        """Bytes of a file."""
+        try:
+            return read_regular(self.path / name, largest)
+        except (FileNotFoundError, NotADirectoryError) as error:
+            raise FileNotFoundError(error.errno, error.strerror, str(self.path / name)) from None
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise InputError(f"'{self.path / name}' cannot be read: {reason}") from error
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file whole or not at all."""
+        write_bytes(self.path, name, data)
+
+    def remove(self, name: str) -> None:
+        """Remove a file."""
+        with writable(self.path):
+            (self.path / name).unlink(missing_ok=True)
+
+    def names(self, below: str = "") -> list[str]:
+        """Names of all files below, sorted."""
+        found = []
+        for name in self._walk(below):
+            found.append(name)
+            if len(found) > MOST_FILES:
+                raise InputError(f"'{self}' holds more than {MOST_FILES} files; not a run")
+        return sorted(found)
+
+    def _walk(self, below: str) -> Iterator[str]:
+        for folder, inner, files in os.walk(self.path / below):
+            own = Path(folder).relative_to(self.path)
+            if len(own.parts) >= DEEPEST:
+                raise InputError(f"'{folder}' lies too deep for a results folder; remove it")
+            if ASIDE in inner:
+                inner.remove(ASIDE)
+            yield from ((own / file).as_posix() for file in files)
+
+    def exists(self) -> bool:
+        """Whether the folder is there."""
+        return self.path.is_dir()
+
+    def sweep(self) -> None:
+        """Remove unfinished files, and their folder."""
+        aside = self.path / ASIDE
+        with contextlib.suppress(OSError):  # none there, or another writer has just begun
+            for path in list(aside.iterdir()):
+                path.unlink(missing_ok=True)
+        self.tidy()
+
+    def tidy(self) -> None:
+        """Remove the folder of unfinished files if it is empty."""
+        with contextlib.suppress(OSError):  # not empty: another writer, or what a killed one left
+            (self.path / ASIDE).rmdir()
+
+
+class Bucket(Place):
+    """A prefix of an object store: a PUT is atomic there."""
+
+    def __init__(self, url: str) -> None:
+        from pyarrow import ArrowException, fs
+
+        self.where = URL.sub(lambda found: f"{found[1]}://", url).rstrip("/")
+        uri = self.where.replace("gcs://", "gs://", 1)
+        limited = uri.startswith("gs://") and "retry_limit_seconds" not in uri
+        limit = ("&" if "?" in uri else "?") + "retry_limit_seconds="
+        try:
+            first = f"{uri}{limit}{FIRST_PATIENCE}" if limited else uri
+            self.store, self.prefix = fs.FileSystem.from_uri(first)
+            patient = f"{uri}{limit}{PATIENCE}"
+            self.patient = fs.FileSystem.from_uri(patient)[0] if limited else None
+        except (ArrowException, OSError, ValueError) as error:
+            raise InputError(f"{self.shown} cannot be used: {error}") from None
+
+    @property
+    def shown(self) -> str:
+        """The URL without what follows a question mark or precedes an at sign: keys may stand there.
+
+        Azure's container stands there too, and is kept.
+        """
+        scheme, _, rest = self.where.partition("://")
+        owner, at, path = rest.partition("?")[0].rpartition("@")
+        kept = scheme.startswith("abfs") and ":" not in owner
+        return f"{scheme}://{owner + at if kept else ''}{path}"
+
+    def __str__(self) -> str:
+        return self.shown
+
+    def read(self, name: str, largest: int = LARGEST) -> bytes:
+        """Bytes of an object."""
+        with self._reached(f"{name} cannot be read"):
+            info = self.store.get_file_info(f"{self.prefix}/{name}")
+            if info.type.name != "File":
+                raise FileNotFoundError(2, "No such object", f"{self.shown}/{name}")
+            if info.size > largest:
+                raise InputError(f"'{self.shown}/{name}' has {info.size} bytes; at most {largest}")
+            with self.store.open_input_file(f"{self.prefix}/{name}") as stream:
+                data: bytes = stream.read()
+        return data
+
+    def write(self, name: str, data: bytes) -> None:
+        """One PUT."""
+        with (
+            self._reached(f"{name} cannot be written"),
+            self.store.open_output_stream(f"{self.prefix}/{name}") as stream,
+        ):
+            stream.write(data)
+
+    def remove(self, name: str) -> None:
+        """Remove an object."""
+        with self._reached(f"{name} cannot be removed"), contextlib.suppress(FileNotFoundError):
+            self.store.delete_file(f"{self.prefix}/{name}")
+
+    def names(self, below: str = "") -> list[str]:
+        """Names of all objects below, sorted."""
+        from pyarrow import fs
+
+        root = f"{self.prefix}/{below}".rstrip("/")
+        with self._reached("cannot be listed"):
+            found: list[Any] = self.store.get_file_info(
+                fs.FileSelector(root, recursive=True, allow_not_found=True)
+            )
+        files = (info.path[len(self.prefix) :].strip("/") for info in found if info.is_file)
+        return sorted(files)
+
+    def exists(self) -> bool:
+        """Whether any object is there."""
+        with self._reached("cannot be listed"):
+            return bool(self.store.get_file_info(self.prefix).type.name != "NotFound")
+
+    @contextlib.contextmanager
+    def _reached(self, what: str) -> Iterator[None]:
+        """Turn what the store refuses into one the user can act on."""
+        from pyarrow import ArrowException
+
+        try:
+            yield
+        except FileNotFoundError:
+            raise
+        except (ArrowException, OSError) as error:  # the former: Azure's, without credentials
+            reason = " ".join(str(error).split())[:LONGEST_REASON]
+            raise InputError(
+                f"{self.shown}: {what} ({reason}); check the URL and the credentials: the same "
+                "command goes on from what is there"
+            ) from error
+        if self.patient is not None:
+            self.store, self.patient = self.patient, None
+
+
+Where = Path | str | Place
+
+
+def place(where: Where) -> Place:
+    """The place that a path or URL names.
+
+    Raises
+    ------
+    InputError
+        A URL that pyarrow cannot serve.
+    """
+    if isinstance(where, Place):
+        return where
+    return Bucket(str(where)) if is_url(where) else Folder(Path(where))

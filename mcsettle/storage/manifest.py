@@ -1,0 +1,106 @@
+"""The manifest of a results folder: every file with its checksum, written last.
+
+DIR/manifest.json          rows and SHA-256 of every file: the folder is complete
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from mcsettle.errors import InputError
+from mcsettle.storage.location import Place, Where, place
+from mcsettle.storage.provenance import read_json, read_provenance
+
+MANIFEST = "manifest.json"
+FORMAT = 1  # of the manifest
+LARGEST_MANIFEST = 1_000_000_000
+
+
+def is_finished(folder: Where) -> bool:
+    """Whether the folder has a manifest: a run's last word."""
+    try:
+        return listed_in(place(folder)) is not None
+    except InputError:
+        return False
+
+
+def lists(folder: Where, table: str) -> bool:
+    """Whether the manifest names a file of ``table``; False where there is none."""
+    return any(name.startswith(f"{table}/") for name in listed_in(place(folder)) or ())
+
+
+def verify(folder: Where) -> int:
+    """Compare the folder with its manifest; returns the number of files.
+
+    Raises
+    ------
+    InputError
+        If the manifest is missing, or a file is missing, damaged or not in it: the message names
+        the file.
+    """
+    at = place(folder)
+    listed = listed_in(at)
+    if listed is None:
+        raise InputError(f"'{at}' has no {MANIFEST}: the run is not complete; resume it")
+    found = visible(at)
+    refuse_strays(at, found, list(listed))
+    for name in found:
+        sound(at, name, listed)
+    return len(listed)
+
+
+def listed_in(at: Place) -> dict[str, str] | None:
+    """SHA-256 by name as the manifest has them; None without one."""
+    try:
+        data = read_json(at, MANIFEST, LARGEST_MANIFEST)
+    except FileNotFoundError:
+        return None
+    own = asdict(read_provenance(at))
+    try:
+        if data["schema_version"] != FORMAT or data["provenance"] not in (own, _older(own)):
+            raise ValueError("it is of another run or version")
+        return {str(entry["path"]): str(entry["sha256"]) for entry in data["files"]}
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"'{at}/{MANIFEST}' is damaged ({error}); resume the run") from error
+
+
+def _older(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """Provenance as it was written before shards had sizes."""
+    return {key: value for key, value in provenance.items() if key != "shard_realisations"}
+
+
+def refuse_strays(at: Place, found: list[str], listed: list[str]) -> None:
+    """Refuse a folder whose files ``found`` are not those ``listed``.
+
+    Raises
+    ------
+    InputError
+        The message names the first that is missing, or not listed.
+    """
+    for name in sorted(set(listed) ^ set(found)):
+        if name in listed:
+            raise InputError(f"'{at}/{name}' is missing; resume the run to write it again")
+        raise InputError(f"'{at}/{name}' is not in the manifest; remove it")
+
+
+def sound(
+    at: Place, name: str, listed: Mapping[str, str] | None, largest: int | None = None
+) -> bytes:
+    """Bytes of a file, equal to what the manifest says of it."""
+    try:
+        data = at.read(name) if largest is None else at.read(name, largest)
+    except FileNotFoundError as error:
+        raise InputError(f"'{at}/{name}' is missing; resume the run") from error
+    if listed is not None and hashlib.sha256(data).hexdigest() != listed.get(name):
+        raise InputError(f"'{at}/{name}' is damaged; remove it and resume the run")
+    return data
+
+
+def visible(at: Place) -> list[str]:
+    """Names the manifest lists: everything but itself and what is hidden, in order.
+
+    In the order of paths, part by part.
+    """
+    names = (n for n in at.names() if not any(part.startswith(".") for part in n.split("/")))
+    return sorted((name for name in names if name != MANIFEST), key=lambda name: name.split("/"))

@@ -1,0 +1,284 @@
+"""Results on disk: tables as folders of Parquet shards, each written whole or not at all.
+
+    DIR/provenance.json        what the folder holds, written first; another study is refused
+    DIR/<table>/*.parquet      shards; a table's folder holds nothing but Parquet
+    DIR/data_dictionary.csv    every column with its unit
+    DIR/manifest.json          rows and SHA-256 of every file, written last: the folder is complete
+
+DIR is a folder, or a prefix of an object store (``place``). Names come from content, never from the
+clock, and the same data gives the same bytes. What is read is bounded, checked against the manifest
+where there is one, and never evaluated.
+"""
+
+import hashlib
+import itertools
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from mcsettle.errors import InputError
+from mcsettle.storage import parquet
+from mcsettle.storage.files import write_text as write_text
+from mcsettle.storage.location import Where, place
+from mcsettle.storage.manifest import FORMAT, listed_in, refuse_strays, sound, visible
+from mcsettle.storage.manifest import MANIFEST as MANIFEST
+from mcsettle.storage.manifest import is_finished as is_finished
+from mcsettle.storage.manifest import lists as lists
+from mcsettle.storage.manifest import verify as verify
+from mcsettle.storage.provenance import LARGEST_TEXT as LARGEST_TEXT
+from mcsettle.storage.provenance import PROVENANCE as PROVENANCE
+from mcsettle.storage.provenance import SHARD as SHARD
+from mcsettle.storage.provenance import Provenance as Provenance
+from mcsettle.storage.provenance import provenance_of as provenance_of
+from mcsettle.storage.provenance import read_json as read_json
+from mcsettle.storage.provenance import read_provenance as read_provenance
+from mcsettle.storage.provenance import refuse_difference as refuse_difference
+from mcsettle.storage.provenance import same_study as same_study
+from mcsettle.storage.tables import TABLES, data_dictionary, schema_of
+
+Values = Sequence[Any] | np.ndarray
+
+DICTIONARY = "data_dictionary.csv"
+AT_A_TIME = 64  # shards held as they were read
+
+
+def prepare(folder: Where, provenance: Provenance, finished: bool = False) -> None:
+    """Make ``folder`` ready to receive shards of this provenance, new or begun before.
+
+    An old manifest is taken away, unless nothing of what is ``finished`` will change: until the next
+    one the folder is incomplete.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, or holds results of another provenance.
+    """
+    at = place(folder)
+    text = json.dumps(asdict(provenance), indent=2, sort_keys=True) + "\n"
+    if not same_study(at, provenance):
+        at.write(PROVENANCE, text.encode())
+    if not finished:
+        at.remove(MANIFEST)
+
+
+def shard_name(
+    variant: str, scenario: str, first: int, last: int, parameter_set: int | None = None
+) -> str:
+    """File name of the shard of realisations ``first`` to ``last``, both included.
+
+    ``parameter_set`` is None in a study without uncertain inputs.
+
+    Examples
+    --------
+    >>> shard_name("base", "A", 0, 255)
+    'base--A--00000000-00000255.parquet'
+    >>> shard_name("base", "A", 0, 63, 3)
+    'base--A--set000003--00000000-00000063.parquet'
+    """
+    of_set = "" if parameter_set is None else f"set{parameter_set:06d}--"
+    return f"{slug(variant)}--{slug(scenario)}--{of_set}{first:08d}-{last:08d}.parquet"
+
+
+def slug(name: str) -> str:
+    """The name if it is safe in a file name, else a safe form of it with a digest: no two collide.
+
+    Examples
+    --------
+    >>> slug("A2"), slug("97 km/h")
+    ('A2', '97-km-h-c3eaf3a0')
+    """
+    safe = re.sub(r"[^A-Za-z0-9._]+", "-", name).strip("-.")[:60]
+    if safe == name:
+        return name
+    return f"{safe}-{hashlib.sha256(name.encode()).hexdigest()[:8]}".lstrip("-")
+
+
+def write(
+    folder: Where,
+    table: str,
+    name: str,
+    columns: Mapping[str, Values],
+    provenance: Provenance,
+    first: int = 0,
+    last: int = -1,
+) -> str:
+    """Write one shard of a table; the same arguments give the same bytes.
+
+    Parameters
+    ----------
+    folder : Path, URL or Place
+        Results folder, made ready by ``prepare``.
+    table : str
+        A key of ``TABLES``.
+    name : str
+        File name (``shard_name``).
+    columns : mapping
+        Values by column name, all of one length; None and NaN are null where null is allowed.
+    provenance : Provenance
+    first, last : int
+        Range of realisation indices, both included.
+
+    Returns
+    -------
+    str
+        Hex SHA-256 of the file.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, unknown, of the wrong type or null where it may not be, or the
+        folder cannot be written.
+    """
+    metadata = {key: str(value) for key, value in asdict(provenance).items()}
+    metadata["index_range"] = f"{first}-{last}"
+    data = to_arrow(table, columns).replace_schema_metadata(metadata)
+    encoded = parquet.encode(data)
+    place(folder).write(f"{table}/{name}", encoded)
+    return hashlib.sha256(encoded).hexdigest()
+
+
+def to_arrow(table: str, columns: Mapping[str, Values]) -> pa.Table:
+    """Arrow table with the schema of ``table``, from values by column name.
+
+    Raises
+    ------
+    InputError
+        As ``write``.
+    """
+    schema = schema_of(table, columns)
+    if set(columns) != set(schema.names):
+        odd = sorted(set(columns) ^ set(schema.names))
+        raise InputError(f"table '{table}' wants the columns {schema.names}; differing: {odd}")
+    arrays = []
+    for field in schema:
+        try:
+            array = pa.array(columns[field.name], field.type, from_pandas=True)
+        except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
+            raise InputError(f"column '{table}.{field.name}': {error}") from error
+        if array.null_count and not field.nullable:
+            raise InputError(
+                f"column '{table}.{field.name}' has {array.null_count} empty values; it allows none"
+            )
+        arrays.append(array)
+    if len({len(array) for array in arrays}) > 1:
+        raise InputError(f"table '{table}': columns of different lengths")
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def read(folder: Where, table: str) -> pa.Table:
+    """A whole table, its shards in the order of their names, checked.
+
+    In a finished folder every file is compared with the manifest, and none may be missing.
+
+    Raises
+    ------
+    InputError
+        If there is no such table, or a file of it is missing, damaged, foreign, of another
+        provenance, or repeats rows of another.
+    """
+    at = place(folder)
+    provenance = read_provenance(at)
+    names = at.names(table)
+    listed = listed_in(at)
+    if listed is not None:
+        refuse_strays(at, names, [name for name in listed if name.startswith(f"{table}/")])
+    if not names:
+        raise InputError(f"'{at}' holds no table '{table}'; run the study first")
+    parts = (_shard(sound(at, name, listed), f"{at}/{name}", table, provenance) for name in names)
+    try:
+        data = _joined(parts)
+    except pa.ArrowInvalid as error:
+        raise InputError(f"table '{table}' of '{at}' has shards of different columns") from error
+    keys = TABLES[table].keys
+    if data.group_by(keys).aggregate([]).num_rows != data.num_rows:
+        raise InputError(
+            f"table '{table}' of '{at}' has rows of the same {', '.join(keys)}; "
+            "its shards overlap: remove those not of this run"
+        )
+    return data
+
+
+def read_file(folder: Where, name: str, largest: int = LARGEST_TEXT) -> bytes:
+    """A file of a finished folder, compared with the manifest where there is one.
+
+    Raises
+    ------
+    InputError
+        It is missing, damaged or too large.
+    """
+    at = place(folder)
+    return sound(at, name, listed_in(at), largest)
+
+
+def shard_columns(folder: Where, table: str, name: str) -> dict[str, list[Any]]:
+    """Values by column of one sound shard, None where null."""
+    columns: dict[str, list[Any]] = parquet.decode(
+        place(folder).read(f"{table}/{name}"), f"{folder}/{table}/{name}"
+    ).to_pydict()
+    return columns
+
+
+def shard_rows(folder: Where, table: str, name: str) -> int | None:
+    """Rows of a shard that is there and sound, else None: what a resumed run has to repeat."""
+    at = place(folder)
+    try:
+        return int(parquet.decode(at.read(f"{table}/{name}"), name).num_rows)
+    except (FileNotFoundError, InputError):
+        return None
+
+
+def finish(folder: Where) -> None:
+    """Write the data dictionary and then, last, the manifest.
+
+    Raises
+    ------
+    InputError
+        If a shard is damaged or the folder cannot be written.
+    """
+    at = place(folder)
+    provenance = read_provenance(at)
+    at.write(DICTIONARY, data_dictionary().encode())
+    files = []
+    for name in visible(at):
+        data = sound(at, name, None)
+        entry: dict[str, Any] = {"path": name}
+        if name.endswith(".parquet"):
+            entry["rows"] = _shard(data, f"{at}/{name}", name.split("/")[0], provenance).num_rows
+        entry["sha256"] = hashlib.sha256(data).hexdigest()
+        files.append(entry)
+    manifest = {"schema_version": FORMAT, "provenance": asdict(provenance), "files": files}
+    at.write(MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())
+    at.tidy()
+
+
+def _joined(parts: Iterator[pa.Table]) -> pa.Table:
+    """Shards as one table, few held as they are: each has a copy of all columns' units and meanings."""
+    found = []
+    while some := list(itertools.islice(parts, AT_A_TIME)):
+        found.append(pa.concat_tables(some).combine_chunks())
+    return pa.concat_tables(found)
+
+
+def _shard(data: bytes, where: str, table: str, provenance: Provenance) -> pa.Table:
+    """One shard, checked; file metadata taken off so that shards can be joined."""
+    if table not in TABLES:
+        raise InputError(f"'{where}' is of no table of this version; remove it")
+    rows = parquet.decode(data, where)
+    stored = {
+        key.decode(errors="replace"): value.decode(errors="replace")
+        for key, value in (rows.schema.metadata or {}).items()
+    }
+    wanted = {key: str(value) for key, value in asdict(provenance).items()}
+    held = {key: stored.get(key, "nothing") for key in wanted}
+    if "shard_realisations" not in stored:  # written before shards had sizes
+        held["shard_realisations"] = str(SHARD)
+    refuse_difference(held, wanted, f"'{where}'", "remove it and resume the run")
+    rows = rows.replace_schema_metadata(None)
+    if not rows.schema.equals(schema_of(table, rows.schema.names)):
+        raise InputError(f"'{where}' has other columns than table '{table}' of this version")
+    return rows

@@ -1,0 +1,234 @@
+"""The result tables: columns, types, units, meaning. Data dictionary and Arrow schemas follow.
+
+One row per thing. A unit stands in the column's name, in the Arrow field's metadata and in the data
+dictionary. The keys of a table name a row once and for all.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import pyarrow as pa
+
+TEXT, COUNT, NUMBER = pa.string(), pa.int64(), pa.float64()
+INPUT = "input_"
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: ``unit`` is "1" for a number without dimension and "" where none applies."""
+
+    name: str
+    type: pa.DataType
+    unit: str
+    meaning: str
+    nullable: bool = False
+
+    @property
+    def field(self) -> pa.Field:
+        """The Arrow field, with unit and meaning in its metadata."""
+        metadata = {"unit": self.unit, "description": self.meaning}
+        return pa.field(self.name, self.type, self.nullable, metadata)
+
+
+@dataclass(frozen=True)
+class TableShape:
+    """A table's columns in order; the first ``n_keys`` of them are its keys."""
+
+    columns: tuple[Column, ...]
+    n_keys: int
+
+    @property
+    def schema(self) -> pa.Schema:
+        """Arrow schema without file metadata."""
+        return pa.schema([column.field for column in self.columns])
+
+    @property
+    def keys(self) -> list[str]:
+        """Names of the key columns."""
+        return [column.name for column in self.columns[: self.n_keys]]
+
+
+_SCENE = (
+    Column("variant", TEXT, "", "variant of the study's settings"),
+    Column("scenario", TEXT, "", "scenario of the study: a timetable"),
+)
+_SET = Column(
+    "parameter_set", pa.int32(), "", "draw of the uncertain inputs; 0 if none is uncertain"
+)
+_REALISATION = Column(
+    "realisation", COUNT, "", "realisation index; the same index is the same initial track"
+)
+
+TABLES = {
+    "realisations": TableShape(
+        (
+            *_SCENE,
+            _SET,
+            _REALISATION,
+            Column("status", TEXT, "", "reached, censored (horizon came first) or failed"),
+            Column("tamping_interval_days", NUMBER, "d", "time to reach the SD limit", True),
+            Column(
+                "censored_at_days", NUMBER, "d", "horizon, where the limit was not reached", True
+            ),
+            Column("passages", COUNT, "1", "axle passages to the end"),
+            Column("tonnage_mgt", NUMBER, "MGT", "gross tonnage to the end"),
+            Column("sd_initial_mm", NUMBER, "mm", "SD of the profile at the start"),
+            Column("sd_final_mm", NUMBER, "mm", "SD of the profile at the end"),
+            Column("mean_settlement_mm", NUMBER, "mm", "uniform settlement to the end"),
+            Column("sd_growth_1y_mm", NUMBER, "mm", "growth of SD in the first 365 days", True),
+            Column("failure", TEXT, "", "why a failed realisation failed", True),
+        ),
+        4,
+    ),
+    "history": TableShape(
+        (
+            *_SCENE,
+            _SET,
+            _REALISATION,
+            Column("day", NUMBER, "d", "time since the start"),
+            Column("sd_mm", NUMBER, "mm", "SD of the profile"),
+        ),
+        5,
+    ),
+    "effects": TableShape(
+        (
+            *_SCENE,
+            Column("baseline", TEXT, "", "scenario it is compared with, on the same tracks"),
+            _SET,
+            _REALISATION,
+            Column(
+                "status",
+                TEXT,
+                "",
+                "paired, censored (either), at_limit (before any traffic) or failed",
+            ),
+            Column("effect", TEXT, "", "what the scenario changes: speed or tonnage"),
+            Column("reduction_percent", NUMBER, "%", "reduction of the tamping interval", True),
+            Column("elasticity", NUMBER, "1", "deterioration elasticity", True),
+            Column(
+                "marginal_cost",
+                NUMBER,
+                "GBP per km/h per 1000 train-km (speed) or per 1000 tonne-km (tonnage)",
+                "marginal cost of tamping",
+                True,
+            ),
+        ),
+        5,
+    ),
+    "parameters": TableShape(
+        (
+            _SET,
+            Column("input", TEXT, "", "key path of an uncertain input of the study"),
+            Column("value", NUMBER, "see unit", "value drawn"),
+            Column("unit", TEXT, "", "unit of value"),
+        ),
+        2,
+    ),
+    "fits": TableShape(
+        (
+            Column("variant", TEXT, "", "variant of the study's settings"),
+            _SET,
+            Column("input", TEXT, "", "key path of the settlement factor that was fitted"),
+            Column("value", NUMBER, "1", "factor, drawn from what the observations leave of it"),
+            Column("log_evidence", NUMBER, "1", "of what was observed; null: not possible", True),
+        ),
+        2,
+    ),
+    "weights": TableShape(
+        (
+            Column("variant", TEXT, "", "variant of the study's settings"),
+            _SET,
+            Column("weight", NUMBER, "1", "share of the weight, given what was observed"),
+            Column("log_likelihood", NUMBER, "1", "of what was observed; null: not possible", True),
+        ),
+        2,
+    ),
+    "summary": TableShape(
+        (
+            *_SCENE,
+            Column("metric", TEXT, "", "what is estimated: a column of another table"),
+            Column("statistic", TEXT, "", "what of it: quantile, mean, variance share, …"),
+            Column("subject", TEXT, "", "an input, or a length of line; else empty"),
+            Column("level", NUMBER, "1", "level of a quantile", True),
+            Column("value", NUMBER, "see unit", "estimate; null where not identified", True),
+            Column("lo", NUMBER, "see unit", "lower 95 % confidence limit; null: open", True),
+            Column("hi", NUMBER, "see unit", "upper 95 % confidence limit; null: open", True),
+            Column("standard_error", NUMBER, "see unit", "Monte Carlo error; null: unknown", True),
+            Column("n", COUNT, "1", "realisations behind the estimate"),
+            Column("n_censored", COUNT, "1", "of them censored"),
+            Column("unit", TEXT, "", "unit of value, limits and error"),
+            Column("note", TEXT, "", "what to know about this estimate; may be empty"),
+        ),
+        6,
+    ),
+}
+
+
+def schema_of(table: str, columns: Iterable[str]) -> pa.Schema:
+    """Arrow schema of ``table``; the ``input_…`` ones among ``columns`` follow its own.
+
+    Only ``realisations`` has them: one for each uncertain input of the study.
+    """
+    own = TABLES[table].schema
+    if table != "realisations":
+        return own
+    drawn = [name for name in columns if name.startswith(INPUT)]
+    meaning = "uncertain input of this row's parameter set (table parameters)"
+    fields = [Column(name, NUMBER, unit_of(name), meaning).field for name in drawn]
+    return pa.schema([*own, *fields])
+
+
+def data_dictionary() -> str:
+    """CSV text: table, column, type, unit, nullable, key, description, one line a column."""
+    lines = ["table,column,type,unit,nullable,key,description"]
+    for name, shape in TABLES.items():
+        for column in shape.columns:
+            key = "yes" if column.name in shape.keys else "no"
+            nullable = "yes" if column.nullable else "no"
+            lines.append(
+                f'{name},{column.name},{column.type},"{column.unit}",{nullable},{key},'
+                f'"{column.meaning}"'
+            )
+    return "\n".join(lines) + "\n"
+
+
+UNITS = {
+    "gbp_per_track_km": "GBP/track-km",
+    "thousand_per_year": "1000/year",
+    "mgt_per_day": "MGT/d",
+    "mgt_per_year": "MGT/year",
+    "per_mpa2": "1/MPa2",
+    "kg_per_m3": "kg/m3",
+    "ns_per_m2": "N s/m2",
+    "ns_per_m": "N s/m",
+    "n_per_m2": "N/m2",
+    "n_per_m": "N/m",
+    "kg_m2": "kg m2",
+    "per_day": "1/d",
+    "kmh": "km/h",
+    "pa": "Pa",
+    "mm": "mm",
+    "m4": "m4",
+    "m2": "m2",
+    "kg": "kg",
+    "m": "m",
+    "t": "t",
+}
+
+
+def unit_of(path: str) -> str:
+    """Unit that the last key of ``path`` ends in; "1" if none.
+
+    >>> unit_of("trains.freight.secondary_damping_ns_per_m"), unit_of("economics.discount_rate")
+    ('N s/m', '1')
+    """
+    return next((unit for end, unit in UNITS.items() if path.endswith(f"_{end}")), "1")
+
+
+def input_column(path: str) -> str:
+    """Column of ``realisations`` that holds an uncertain input.
+
+    >>> input_column("track.layers.subgrade.settlement_b")
+    'input_track_layers_subgrade_settlement_b'
+    """
+    return "input_" + "".join(c if c.isalnum() else "_" for c in path)

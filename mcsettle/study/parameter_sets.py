@@ -1,0 +1,172 @@
+"""Draws of a study's uncertain inputs: parameter set e is row e of one scrambled Sobol sequence.
+
+A row is an address, not a draw: it depends on the study's seed, its uncertain inputs and e alone, so
+more sets leave the earlier ones as they are, and scenarios and variants share them.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mcsettle.errors import InputError
+from mcsettle.railway.ground_profiles import Ground, slab_materials, slabs
+from mcsettle.study.schema import GroundsTable
+from mcsettle.study.study import Study
+from mcsettle.study.uncertain import normal_scores_correlation
+
+STREAM = 0x50BA1  # keeps these draws apart from those of the profiles
+LARGEST_SEQUENCE = 2**20
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """One draw: ``values`` by key path (in the unit of the key), and the study that has them.
+
+    ``shares`` are the cumulative probabilities drawn, by input.
+    ``failure``: why it cannot be run, if it cannot.
+    """
+
+    index: int
+    values: dict[str, float]
+    study: Study
+    shares: dict[str, float] = field(default_factory=dict)
+    failure: str = ""
+
+
+def unit_draws(study: Study, n_sets: int | None = None) -> np.ndarray:
+    """Cumulative probabilities [E, D] of the draws, correlated as the study asks for."""
+    from scipy import special, stats
+
+    n, n_inputs = study.n_sets if n_sets is None else n_sets, len(study.uncertain)
+    if n > LARGEST_SEQUENCE:
+        raise InputError(f"{n} parameter sets; at most {LARGEST_SEQUENCE}")
+    rng = np.random.default_rng([STREAM, study.seed])
+    sobol = stats.qmc.Sobol(n_inputs, scramble=True, rng=rng)
+    shares = sobol.random_base2(max(0, int(n - 1).bit_length()))[:n]
+    shares = np.clip(shares, 1e-9, 1.0 - 1e-9)
+    if not study.correlations:
+        return shares
+    names = [entry.input for entry in study.uncertain]
+    root = np.linalg.cholesky(normal_scores_correlation(names, study.correlations))
+    return np.asarray(special.ndtr(special.ndtri(shares) @ root.T))
+
+
+def draws(study: Study, n_sets: int | None = None) -> np.ndarray:
+    """Values [E, D] of the uncertain inputs, in the order of the file."""
+    return _values(study, unit_draws(study, n_sets))
+
+
+def _values(study: Study, shares: np.ndarray) -> np.ndarray:
+    columns = [entry.built().quantile(shares[:, d]) for d, entry in enumerate(study.uncertain)]
+    return np.stack(columns, axis=1)
+
+
+def all_sets(study: Study) -> list[ParameterSet]:
+    """Every parameter set of ``study``; without uncertain inputs one, the study itself.
+
+    Raises
+    ------
+    InputError
+        A draw that the study would refuse (inputs that are each possible may not be together).
+    """
+    if study.grounds_table is not None:
+        from mcsettle.study.parameter_sets import ground_sets
+
+        return ground_sets(study)
+    if not study.uncertain:
+        return [ParameterSet(0, {}, study)]
+    shares = unit_draws(study)
+    pairs = zip(shares, _values(study, shares), strict=True)
+    return [_parameter_set(study, e, *pair) for e, pair in enumerate(pairs)]
+
+
+def _parameter_set(study: Study, index: int, shares: np.ndarray, row: np.ndarray) -> ParameterSet:
+    names = [entry.input for entry in study.uncertain]
+    drawn = dict(zip(names, shares.tolist(), strict=True))
+    values = {
+        path: float(value)
+        for entry, value in zip(study.uncertain, row, strict=True)
+        for path in entry.paths
+    }
+    try:
+        return ParameterSet(index, values, study.with_inputs(values), drawn)
+    except InputError as error:
+        reason = "\n".join(str(error).splitlines()[1:])
+        raise InputError(
+            f"parameter set {index} cannot be used:\n{reason}\n"
+            "narrow the distributions that lead there, or correlate them"
+        ) from None
+
+
+LAW = ("settlement_a", "settlement_b", "settlement_m", "strength_pa")
+MATERIAL = ("youngs_modulus_pa", "poisson", "density_kg_per_m3", "damping", "k0")
+
+
+def ground_sets(study: Study) -> list[ParameterSet]:
+    """One parameter set for each ground of ``study``, as many as it asks for.
+
+    A ground that cannot be run has its reason in ``failure`` and the study's own track.
+    """
+    segments: dict[str, int] = {}
+    found = []
+    for index, ground in enumerate(study.grounds()[: study.n_sets]):
+        number = segments.setdefault(ground.segment, len(segments) + 1)
+        values = {
+            "ground": float(index),
+            "ground.segment": float(number),
+            "ground.probability": ground.probability,
+        }
+        try:
+            found.append(ParameterSet(index, values, ground_study(study, ground)))
+        except InputError as error:
+            found.append(ParameterSet(index, values, study, failure=_reason(ground, error)))
+    return found
+
+
+def ground_study(study: Study, ground: Ground) -> Study:
+    """``study`` on ``ground`` alone.
+
+    Raises
+    ------
+    InputError
+        A material without properties, or without a law where it would settle; or a study that the
+        schema refuses (a train faster than the ground's waves).
+    """
+    table = study.grounds_table
+    assert table is not None
+    heights = slabs(table.fine_m, table.fine_depth_m, table.coarse_m, table.depth_m)
+    names = slab_materials(ground, heights)
+    depth = max(study.settlement_settings(name).integration_depth_m for name in study.variant_names)
+    _check(table, names, heights, depth)
+    layers = []
+    for place, name in enumerate(names):
+        values = table.materials[name].model_dump(exclude_none=True)
+        layer: dict[str, Any] = {key: values[key] for key in (*MATERIAL, *LAW) if key in values}
+        layer["name"] = f"g{place + 1:02d}"
+        if place < len(heights):
+            layer["height_m"] = heights[place]
+        layers.append(layer)
+    return study.with_ground(layers, f"ground '{ground.name}'")
+
+
+def _check(
+    table: GroundsTable, names: tuple[str, ...], heights: tuple[float, ...], depth: float
+) -> None:
+    top = 0.0
+    for name, height in zip(names, (*heights, float("inf")), strict=True):
+        material = table.materials.get(name)
+        if material is None:
+            raise InputError(f"\nmaterial '{name}' is not in [grounds.materials]")
+        if top < depth and material.settlement_a is None:
+            why = f" ({material.no_law})" if material.no_law else ""
+            raise InputError(
+                f"\nno settlement law for '{name}'{why}, {top:g} m below the subgrade surface: give "
+                f"[grounds.materials] {name} its {', '.join(LAW)}"
+            )
+        top += height
+
+
+def _reason(ground: Ground, error: InputError) -> str:
+    lines = [line.strip() for line in str(error).splitlines()[1:] if line.strip()]
+    return f"ground '{ground.name}': {'; '.join(lines)}"[:500]

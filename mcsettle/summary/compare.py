@@ -1,0 +1,205 @@
+"""Two runs, or two studies, side by side: paired on the tracks they share.
+
+Two runs have the same tracks where seed and profile agree; then every track is compared with itself,
+and the difference is known far better than either interval. Otherwise the two samples are
+independent and only their medians are set beside each other.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mcsettle.errors import InputError
+from mcsettle.estimate.estimate import Estimate
+from mcsettle.estimate.sample import effect_quantile, interval_quantile
+from mcsettle.study.study import Study, study_data
+from mcsettle.summary.results import Results
+
+INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"
+KEYS = ["parameter_set", "realisation"]
+SILENT = ("title", "reference", "calibration", "sources")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One input that differs: its key path and what each study has (None: it has no such input)."""
+
+    path: str
+    first: Any
+    second: Any
+
+
+@dataclass(frozen=True)
+class Row:
+    """One quantity of one variant and scenario in both runs.
+
+    ``first`` and ``second`` are medians; ``change``: P5, P50 and P95 of the paired change, empty where
+    the runs do not share tracks; ``unit`` of the medians, ``change_unit`` of the change.
+    """
+
+    variant: str
+    scenario: str
+    metric: str
+    unit: str
+    first: Estimate
+    second: Estimate
+    change_unit: str
+    change: tuple[Estimate, ...] = ()
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What differs between two runs; ``shared`` realisations, ``unpaired`` says why there are none."""
+
+    differences: tuple[Difference, ...]
+    only: tuple[str, ...]
+    shared: int
+    unpaired: str
+    rows: tuple[Row, ...]
+
+
+def compare(first: Results, second: Results) -> Comparison:
+    """Every variant and scenario that both runs have.
+
+    Raises
+    ------
+    InputError
+        They have none in common.
+    """
+    scenes = [(v, s) for v in first.study.variant_names for s in first.study.scenario_names]
+    others = {(v, s) for v in second.study.variant_names for s in second.study.scenario_names}
+    common = [scene for scene in scenes if scene in others]
+    if not common:
+        raise InputError(
+            "the two runs have no variant and scenario of the same names: "
+            f"{_names(scenes)} and {_names(sorted(others))}"
+        )
+    why = _why_unpaired(first.study, second.study)
+    rows = [
+        row
+        for variant, scenario in common
+        for row in _rows(
+            first, second, variant, scenario, not why and _same_spectrum(first, second, variant)
+        )
+    ]
+    shared = 0 if why else _shared(first, second)
+    only = [f"{v} {s}: only in the first" for v, s in scenes if (v, s) not in others]
+    only += [f"{v} {s}: only in the second" for v, s in sorted(others) if (v, s) not in scenes]
+    differences = tuple(study_differences(first.study, second.study))
+    return Comparison(differences, tuple(only), shared, why, tuple(rows))
+
+
+def study_differences(first: Study, second: Study) -> Iterator[Difference]:
+    """Inputs that differ, by key path; titles, references and records left out."""
+    one, other = (dict(_flat(study_data(study))) for study in (first, second))
+    for path in dict.fromkeys([*one, *other]):
+        if path.split(".")[0] in SILENT or path.endswith(".title"):
+            continue
+        if one.get(path) != other.get(path):
+            yield Difference(path, one.get(path), other.get(path))
+
+
+def _rows(
+    first: Results, second: Results, variant: str, scenario: str, paired: bool
+) -> Iterator[Row]:
+    tables = [_sound(r.realisations, variant, scenario) for r in (first, second)]
+    if not any(table.empty for table in tables):
+        medians = [
+            interval_quantile(_floats(t, INTERVAL), _floats(t, CENSORED), 0.5) for t in tables
+        ]
+        change = _interval_change(*tables) if paired else ()
+        yield Row(variant, scenario, INTERVAL, "d", medians[0], medians[1], "%", change)
+    if first.effects.empty or second.effects.empty:
+        return
+    units = [getattr(r.study.change(scenario), "unit", None) for r in (first, second)]
+    if units[0] is None or units[0] != units[1]:
+        return
+    parts = [_sound(r.effects, variant, scenario) for r in (first, second)]
+    parts = [part[part["status"] != "at_limit"] for part in parts]
+    if any(part.empty for part in parts):
+        return
+    for metric, unit in (("reduction_percent", "%"), ("marginal_cost", units[0])):
+        medians = [effect_quantile(_floats(part, metric), 0.5, unit) for part in parts]
+        change = _effect_change(parts[0], parts[1], metric, unit) if paired else ()
+        yield Row(variant, scenario, metric, unit, medians[0], medians[1], unit, change)
+
+
+def _interval_change(first: pd.DataFrame, second: pd.DataFrame) -> tuple[Estimate, ...]:
+    """Quantiles of 100 (T₂/T₁ − 1) [%] on the same tracks, bounded where one is censored."""
+    both = first.merge(second, on=KEYS, suffixes=("_1", "_2"))
+    if both.empty:
+        return ()
+    one, other = (_floats(both, f"{INTERVAL}_{i}") for i in (1, 2))
+    ends = [_floats(both, f"{CENSORED}_{i}") for i in (1, 2)]
+    positive = ~((one == 0.0) | (other == 0.0))
+    one, other, ends = one[positive], other[positive], [end[positive] for end in ends]
+    if not len(one):
+        return ()
+    values = 100.0 * (other / one - 1.0)
+    shortest = [np.where(np.isnan(d), e, d) for d, e in zip((one, other), ends, strict=True)]
+    longest = [np.where(np.isnan(d), np.inf, d) for d in (one, other)]
+    lower = 100.0 * (shortest[1] / longest[0] - 1.0)
+    upper = np.where(np.isinf(longest[1]), np.inf, 100.0 * (longest[1] / shortest[0] - 1.0))
+    return tuple(effect_quantile(values, p, "%", lower, upper) for p in (0.05, 0.5, 0.95))
+
+
+def _effect_change(
+    first: pd.DataFrame, second: pd.DataFrame, metric: str, unit: str
+) -> tuple[Estimate, ...]:
+    """Quantiles of the difference of a paired effect on the same tracks."""
+    both = first.merge(second, on=KEYS, suffixes=("_1", "_2"))
+    if both.empty:
+        return ()
+    values = _floats(both, f"{metric}_2") - _floats(both, f"{metric}_1")
+    return tuple(effect_quantile(values, p, unit) for p in (0.05, 0.5, 0.95))
+
+
+def _why_unpaired(first: Study, second: Study) -> str:
+    """Why the same index is not the same track in both; empty where it is."""
+    if first.seed != second.seed:
+        return f"seeds {first.seed} and {second.seed}: other tracks"
+    if first.profile != second.profile:
+        return "the initial profiles are described differently"
+    if first.uncertain != second.uncertain or first.correlations != second.correlations:
+        return "the uncertain inputs differ: the same parameter set is not the same draw"
+    return ""
+
+
+def _same_spectrum(first: Results, second: Results, variant: str) -> bool:
+    """Whether a variant draws its tracks from one spectrum in both runs."""
+    one, other = (results.study.variant(variant) for results in (first, second))
+    return (one.spectrum, one.fra_class) == (other.spectrum, other.fra_class)
+
+
+def _shared(first: Results, second: Results) -> int:
+    one, other = (set(r.realisations["realisation"].unique()) for r in (first, second))
+    return len(one & other)
+
+
+def _sound(table: pd.DataFrame, variant: str, scenario: str) -> pd.DataFrame:
+    own = (table["variant"] == variant) & (table["scenario"] == scenario)
+    return table[own & (table["status"] != "failed")]
+
+
+def _floats(table: pd.DataFrame, column: str) -> np.ndarray:
+    return table[column].to_numpy(dtype=float, na_value=np.nan)
+
+
+def _flat(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(data, Mapping):
+        for key, value in data.items():
+            yield from _flat(value, f"{path}.{key}" if path else str(key))
+    elif isinstance(data, list | tuple) and data and isinstance(data[0], Mapping):
+        for place, value in enumerate(data):
+            name = value.get("name", value.get("input", place + 1))
+            yield from _flat(value, f"{path}.{name}")
+    else:
+        yield path, data
+
+
+def _names(scenes: list[tuple[str, str]]) -> str:
+    shown = ", ".join(f"{v} {s}" for v, s in scenes[:6])
+    return shown + (", …" if len(scenes) > 6 else "")

@@ -1,0 +1,110 @@
+"""A results folder read back: its tables, its study, whose it is."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from mcsettle.errors import InputError
+from mcsettle.estimate.conditioning import Conditioning, InputBand, weighted_bands
+from mcsettle.storage import store
+from mcsettle.storage.location import Folder, Place, Where, place
+from mcsettle.storage.tables import input_column
+from mcsettle.study.parameter_sets import ParameterSet, all_sets
+from mcsettle.study.study import Study, study_from_text
+
+STUDY_FILE = "study.toml"
+
+
+@dataclass(frozen=True)
+class Results:
+    """A finished run: its study and its tables (all but ``realisations`` may be empty)."""
+
+    study: Study
+    realisations: pd.DataFrame
+    history: pd.DataFrame
+    effects: pd.DataFrame
+    weights: pd.DataFrame = field(default_factory=pd.DataFrame)
+
+    @cached_property
+    def members(self) -> list[ParameterSet]:
+        """The parameter sets of the study."""
+        return all_sets(self.study)
+
+    def input_bands(self, variant: str) -> list[InputBand]:
+        """What the observations leave of every uncertain input in ``variant``; empty without."""
+        found = self.conditioning(variant)
+        if found is None or not found.usable:
+            return []
+        own = self.realisations[self.realisations["variant"] == variant]
+        drawn = own.groupby("parameter_set").first()
+        columns = {e.input: drawn[input_column(e.input)] for e in self.study.uncertain}
+        return [
+            InputBand(name, *weighted_bands(values.to_numpy(dtype=float), found.weights))
+            for name, values in columns.items()
+        ]
+
+    def conditioning(self, variant: str) -> Conditioning | None:
+        """Weights of the parameter sets of ``variant`` given the observations; None without."""
+        if self.weights.empty:
+            return None
+        own = self.weights[self.weights["variant"] == variant].sort_values("parameter_set")
+        logs = own["log_likelihood"].to_numpy(dtype=float, na_value=-np.inf)
+        return Conditioning(variant, logs) if len(own) else None
+
+    def __repr__(self) -> str:
+        counts = self.realisations["status"].value_counts()
+        said = ", ".join(f"{n} {status}" for status, n in counts.items())
+        return f"<Results of {self.study!r}: {said}>"
+
+
+def read_results(folder: Where, finished: bool = True) -> Results:
+    """Read the tables that a run has left in ``folder`` (a path or a URL).
+
+    A run that is not finished is refused, unless ``finished`` is False.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist, holds no finished run, or a file of it is damaged or missing.
+    """
+    at = place(folder)
+    if not at.exists():
+        raise InputError(f"{at} is no folder; 'mcsettle run STUDY --out {at}' makes one")
+    names = set(at.names())
+    if STUDY_FILE not in names or not any(name.startswith("realisations/") for name in names):
+        raise InputError(
+            f"{at} holds no finished run (realisations/ and {STUDY_FILE}); "
+            f"'mcsettle run STUDY --out {at}' makes one"
+        )
+    if finished and store.MANIFEST not in names:
+        raise InputError(
+            f"{at} holds a run that is not finished; 'mcsettle status {at}' says what is missing, "
+            "and the same run command goes on with it"
+        )
+    wanted = ("realisations", "history", "effects", "weights")
+    tables = (_table(at, name, names) for name in wanted)
+    return Results(study_of(at), *tables)
+
+
+def study_of(folder: Where) -> Study:
+    """The study that a results folder is of.
+
+    Raises
+    ------
+    InputError
+        There is none, or it cannot be read.
+    """
+    at = place(folder)
+    text = store.read_file(at, STUDY_FILE)
+    own = at.path.absolute() if isinstance(at, Folder) else None
+    return study_from_text(text, f"{at}/{STUDY_FILE}", own)
+
+
+def _table(at: Place, name: str, names: set[str]) -> pd.DataFrame:
+    """The table ``name`` of a run, empty where it was not written."""
+    if not any(held.startswith(f"{name}/") for held in names) and not store.lists(at, name):
+        return pd.DataFrame()
+    table: pd.DataFrame = store.read(at, name).to_pandas()
+    return table

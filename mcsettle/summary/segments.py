@@ -1,0 +1,150 @@
+"""Results on many grounds: intervals and costs by segment, and over the line.
+
+Each ground counts by its probability within its segment, each of its tracks alike. Grounds that failed
+leave a share of the segment's probability unknown; it is reported, not spread over the others in
+silence. A segment is one part of the line like any other: the data give no lengths.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from mcsettle.economics import perpetual_present_value
+from mcsettle.estimate.estimate import LEVELS
+from mcsettle.storage import store
+from mcsettle.storage.location import Where, place
+from mcsettle.study.study import Study
+from mcsettle.summary.results import study_of
+from mcsettle.units import DAYS_PER_YEAR
+
+
+@dataclass(frozen=True)
+class SegmentRow:
+    """One segment (or the whole line) in one variant and scenario.
+
+    ``grounds`` run and ``failed``; ``known``: probability of the grounds that have results; ``days``
+    and ``cost`` [GBP/track-km, Eq. (4)] at ``LEVELS`` by weight (days are ``inf`` beyond the horizon),
+    ``mean_cost``, ``marginal`` mean against the baseline (NaN: none), each over the known share.
+    """
+
+    segment: str
+    grounds: int
+    failed: int
+    known: float
+    days: tuple[float, ...]
+    cost: tuple[float, ...]
+    mean_cost: float
+    marginal: float
+
+
+@dataclass(frozen=True)
+class GroundReport:
+    """All segments of a finished run, the line last."""
+
+    study: Study
+    variant: str
+    scenario: str
+    rows: tuple[SegmentRow, ...]
+    line: SegmentRow
+    reasons: tuple[str, ...]
+
+
+def ground_report(
+    folder: Where, variant: str | None = None, scenario: str | None = None
+) -> GroundReport:
+    """Intervals and costs by segment of the run in ``folder`` (first variant and scenario).
+
+    Raises
+    ------
+    InputError
+        It is no finished run of a study with grounds.
+    """
+    at = place(folder)
+    study = study_of(at)
+    variant = study.variant(variant or study.variant_names[0]).name
+    scenario = study.scenario(scenario or study.scenario_names[0]).name
+    frame = _weighted(study, store.read(at, "realisations").to_pandas(), variant, scenario)
+    frame["marginal"] = _marginal(study, at, frame, variant, scenario)
+    rows = [_row(name, part) for name, part in frame.groupby("segment", sort=False)]
+    reasons = frame.loc[frame["status"] == "failed", "failure"].dropna().unique()
+    return GroundReport(study, variant, scenario, tuple(rows), _row("line", frame), tuple(reasons))
+
+
+def weighted_quantiles(values: np.ndarray, weights: np.ndarray) -> tuple[float, ...]:
+    """Quantiles of weighted values at ``LEVELS``: the value at which that share of weight is reached.
+
+    >>> weighted_quantiles(np.array([1.0, 2.0, 3.0]), np.array([1.0, 8.0, 1.0]))
+    (1.0, 2.0, 3.0)
+    """
+    order = np.argsort(values, kind="stable")
+    share = np.cumsum(weights[order]) / np.sum(weights)
+    places = np.searchsorted(share, np.asarray(LEVELS) - 1e-12)
+    return tuple(float(v) for v in values[order][np.minimum(places, len(values) - 1)])
+
+
+def _weighted(study: Study, frame: pd.DataFrame, variant: str, scenario: str) -> pd.DataFrame:
+    """Rows of one variant and scenario with segment, weight, days and cost."""
+    grounds = study.grounds()
+    frame = frame[(frame["variant"] == variant) & (frame["scenario"] == scenario)].copy()
+    own = [grounds[i] for i in frame["parameter_set"]]
+    tracks = frame.groupby("parameter_set")["realisation"].transform("size")
+    frame["segment"] = [ground.segment for ground in own]
+    frame["weight"] = np.array([ground.probability for ground in own]) / tracks
+    censored = frame["status"] == "censored"
+    frame["days"] = frame["tamping_interval_days"].astype(float).where(~censored, np.inf)
+    priced = study.priced
+    years = np.minimum(frame["days"].to_numpy(), study.limit.horizon_days) / DAYS_PER_YEAR
+    cost = np.full(len(years), np.nan)
+    if priced is not None:
+        known = years > 0.0
+        money = priced.tamping_cost_gbp_per_track_km, priced.discount_rate
+        cost[known] = perpetual_present_value(*money, years[known])
+    frame["cost"] = cost
+    return frame
+
+
+def _marginal(
+    study: Study, at: Where, frame: pd.DataFrame, variant: str, scenario: str
+) -> np.ndarray:
+    if study.economics is None or study.change(scenario) is None:
+        return np.full(len(frame), np.nan)
+    effects = store.read(place(at), "effects").to_pandas()
+    own = effects[(effects["variant"] == variant) & (effects["scenario"] == scenario)]
+    keys = ["parameter_set", "realisation"]
+    joined = frame[keys].merge(own[[*keys, "marginal_cost"]], on=keys, how="left")
+    return joined["marginal_cost"].to_numpy(float)
+
+
+def _row(name: object, part: pd.DataFrame) -> SegmentRow:
+    failed = part["status"] == "failed"
+    sound = part[~failed]
+    n_failed = int(part.loc[failed, "parameter_set"].nunique())
+    # Over the line each segment counts alike; what was not asked for is not known either.
+    known = float(sound["weight"].sum()) / part["segment"].nunique()
+    nothing = (np.nan,) * len(LEVELS)
+    if sound.empty:
+        return SegmentRow(str(name), 0, n_failed, 0.0, nothing, nothing, np.nan, np.nan)
+    weights = sound["weight"].to_numpy()
+    return SegmentRow(
+        str(name),
+        int(sound["parameter_set"].nunique()),
+        n_failed,
+        known,
+        weighted_quantiles(sound["days"].to_numpy(), weights),
+        _quantiles(sound["cost"].to_numpy(), weights),
+        _mean(sound["cost"].to_numpy(), weights),
+        _mean(sound["marginal"].to_numpy(), weights),
+    )
+
+
+def _quantiles(values: np.ndarray, weights: np.ndarray) -> tuple[float, ...]:
+    known = np.isfinite(values)
+    if not known.any():
+        return (np.nan,) * len(LEVELS)
+    return weighted_quantiles(values[known], weights[known])
+
+
+def _mean(values: np.ndarray, weights: np.ndarray) -> float:
+    known = np.isfinite(values)
+    return float(np.average(values[known], weights=weights[known])) if known.any() else np.nan

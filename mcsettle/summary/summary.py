@@ -1,0 +1,306 @@
+"""From the tables of a finished run to the numbers that answer the study's question.
+
+Every number is an ``Estimate`` with its Monte Carlo error and its censored count. The spread
+between realisations (P5 to P95) is what differs between track sections and, in a study with uncertain
+inputs, between parameter sets; the standard error is what a larger sample would shrink. Where the study
+has observations, the same numbers with the parameter sets weighted by them stand beside (``observed``).
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from mcsettle import economics
+from mcsettle.estimate.crossed import crossed_bounded, crossed_effects, crossed_intervals
+from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
+from mcsettle.estimate.likelihood import likelihood
+from mcsettle.estimate.refit import refitted_weights
+from mcsettle.estimate.resampling import SetWeights, Weights, as_interval, plain_weights
+from mcsettle.estimate.sample import summarise_effects, summarise_intervals
+from mcsettle.storage.tables import input_column
+from mcsettle.study.schema import ReferenceTable
+from mcsettle.study.study import Study
+from mcsettle.summary.results import Results
+from mcsettle.summary.spread import effect_spread, interval_spread, matrix, sets_of
+from mcsettle.units import DAYS_PER_YEAR
+
+INTERVAL = "tamping_interval_days"
+GROWTH = "sd_growth_1y_mm"
+
+
+@dataclass(frozen=True)
+class SummaryRow:
+    """One metric of one scenario in one variant, and the published value beside it.
+
+    ``statistics``: P5, P50, P95 and a mean. ``reference_percent``: share of the realisations [%]
+    below the published value, of those known; ``reference_range`` what it may be for any value of the
+    others; both None without a published value. ``spread``: what
+    the spread consists of and what remains of it along a line (``summary_spread``). ``conditioned``
+    are the same statistics given the study's observations, their names beginning with
+    ``conditioned_``; ``conditioned_percent`` is the share of the weight below the published value.
+    """
+
+    variant: str
+    scenario: str
+    metric: str
+    unit: str
+    statistics: tuple[Statistic, ...]
+    reference: ReferenceTable | None = None
+    reference_percent: float | None = None
+    reference_range: tuple[float, float] | None = None
+    spread: tuple[Statistic, ...] = ()
+    conditioned: tuple[Statistic, ...] = ()
+    conditioned_percent: float | None = None
+
+    def at(self, level: float) -> Estimate:
+        """The quantile at ``level`` (one of ``estimate.LEVELS``)."""
+        return next(s.estimate for s in self.statistics if s.level == level)
+
+    def conditioned_at(self, level: float) -> Estimate | None:
+        """The quantile at ``level`` given the observations; None without."""
+        fits = (s for s in self.conditioned if s.statistic == "conditioned_quantile")
+        return next((s.estimate for s in fits if s.level == level), None)
+
+
+def summary_rows(results: Results) -> list[SummaryRow]:
+    """Every metric of every variant and scenario, in the order of the study."""
+    return [
+        row
+        for variant in results.study.variant_names
+        for weights in (_set_weights(results, variant),)
+        for scenario in results.study.scenario_names
+        for row in _rows_of(results, variant, scenario, weights)
+    ]
+
+
+def _rows_of(
+    results: Results, variant: str, scenario: str, weights: SetWeights | None
+) -> Iterator[SummaryRow]:
+    table = _part(results.realisations, variant, scenario)
+    if table.empty or (table["status"] == "failed").all():
+        return
+
+    def intervals(of_sets: Weights) -> list[Statistic]:
+        return _intervals(table, INTERVAL, "censored_at_days", of_sets)
+
+    row = SummaryRow(variant, scenario, INTERVAL, "d", tuple(intervals(None)))
+    row = replace(row, spread=tuple(interval_spread(results.study, results.members, table)))
+    if weights is not None:
+        own = as_interval(weights)
+        given = [
+            *intervals(own),
+            *interval_spread(results.study, results.members, table, own),
+        ]
+        row = replace(row, conditioned=_renamed(given))
+    sound = table[table["status"] != "failed"]
+    days = sound[INTERVAL].fillna(np.inf)  # a censored one lies above any published value
+    yield _with_reference(results, row, sound.assign(values=days), weights)
+    yield from _growth_rows(results, variant, scenario, sound, weights)
+    yield from tonnage_rows(results, variant, scenario)
+    yield from _effect_rows(results, variant, scenario, weights)
+
+
+def _set_weights(results: Results, variant: str) -> SetWeights | None:
+    """Weights of the parameter sets given the observations; None without, or if they collapse."""
+    found = results.conditioning(variant)
+    if found is None or not found.usable:
+        return None
+    tables = results.realisations, results.history
+    if variant in results.study.fitted:
+        return refitted_weights(results.study, variant, *tables, found.weights)
+    own = likelihood(results.study, variant, *tables)
+    return replace(own.weights(), values=found.weights)
+
+
+def _renamed(statistics: Iterable[Statistic]) -> tuple[Statistic, ...]:
+    return tuple(replace(s, statistic=f"conditioned_{s.statistic}") for s in statistics)
+
+
+def _intervals(table: pd.DataFrame, column: str, ends: str, weights: Weights) -> list[Statistic]:
+    """Statistics of a column with its censorings, crossed if there are several parameter sets."""
+    if table["parameter_set"].nunique() > 1:
+        found = matrix(table, column), matrix(table, ends)
+        return crossed_intervals(*found, set_weights=weights)
+    values, limits = (table[c].to_numpy(dtype=float, na_value=np.nan) for c in (column, ends))
+    return summarise_intervals(values, limits)
+
+
+def _growth_rows(
+    results: Results,
+    variant: str,
+    scenario: str,
+    table: pd.DataFrame,
+    weights: Weights,
+) -> Iterator[SummaryRow]:
+    """Growth of the SD [mm] after a year and after the days the reference gives."""
+    own = input_column("limit.sd_limit_mm")  # where it differs between parameter sets
+    limit = table.get(own, results.study.limit.sd_limit_mm)
+    table = table.assign(to_limit=(limit - table["sd_initial_mm"]).astype(float))
+    yield _growth_row(results, (variant, scenario, GROWTH), table, GROWTH, weights)
+    published = _reference(results.study, INTERVAL, scenario)
+    history = _part(results.history, variant, scenario)
+    if published is None or history.empty:
+        return
+    keys = ["parameter_set", "realisation"]
+    then = history[history["day"] == published.value].set_index(keys)["sd_mm"]
+    start = table.set_index(keys)["sd_initial_mm"]
+    growth = (then.reindex(start.index) - start).to_numpy(dtype=float)
+    if np.all(np.isnan(growth)):
+        return
+    metric = f"sd_growth_{published.value:g}d_mm"
+    key = (variant, scenario, metric)
+    yield _growth_row(results, key, table.assign(growth=growth), "growth", weights)
+
+
+def _growth_row(
+    results: Results,
+    key: tuple[str, str, str],
+    table: pd.DataFrame,
+    column: str,
+    weights: Weights,
+) -> SummaryRow:
+    early = column == GROWTH and results.study.limit.horizon_days < DAYS_PER_YEAR
+    note = "the horizon comes before day 365" if early else "the limit comes first"
+    sets = sets_of(results.realisations)
+    row = SummaryRow(*key, "mm", _growth(table, sets, column, note, None))
+    if weights is not None:
+        row = replace(row, conditioned=_renamed(_growth(table, sets, column, note, weights)))
+    return _with_reference(results, row, table.assign(values=table[column]), weights)
+
+
+def _growth(
+    table: pd.DataFrame, sets: np.ndarray, column: str, note: str, weights: Weights
+) -> tuple[Statistic, ...]:
+    """Quantiles of SD growth; where the limit came first, growth is censored at the limit."""
+    table = table.assign(end=table["to_limit"].where(table[column].isna(), np.nan))
+    if len(sets) > 1:
+        of_sets = matrix(table, column, sets), matrix(table, "end", sets)
+        found = crossed_bounded(*of_sets, "mm", set_weights=weights)
+    else:
+        found = _intervals(table, column, "end", None)
+    rows = []
+    for row in found:
+        if row.level is not None:
+            said = note if row.estimate.value is None else ""
+            rows.append(replace(row, estimate=replace(row.estimate, unit="mm", note=said)))
+    return tuple(rows)
+
+
+def tonnage_rows(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
+    """Increase of the tonnage [%] where a published one is given: known, so it has no error."""
+    metric, prices = "mgt_increase_percent", results.study.economics
+    published = _reference(results.study, metric, scenario)
+    if published is None or prices is None or scenario == prices.baseline:
+        return
+    changes = [m.study.change(scenario) for m in results.members]
+    grown = [100.0 * (c.changed / c.base - 1.0) for c in changes if c and c.effect == "tonnage"]
+    if not grown:
+        return
+    found = np.quantile(grown, LEVELS, method="inverted_cdf")
+    n, note = len(grown), "from the timetable" if len(grown) == 1 else "from the loads drawn"
+    rows = tuple(
+        Statistic("quantile", p, Estimate(float(v), float(v), float(v), 0.0, n, 0, "%", note))
+        for p, v in zip(LEVELS, found, strict=True)
+    )
+    yield SummaryRow(variant, scenario, metric, "%", rows, published)
+
+
+def _effect_rows(
+    results: Results, variant: str, scenario: str, weights: Weights
+) -> Iterator[SummaryRow]:
+    """Paired effects against the baseline: reduction, elasticity, marginal cost."""
+    if results.effects.empty:
+        return
+    change = results.study.change(scenario)
+    table = _part(results.effects, variant, scenario)
+    if table.empty or change is None:
+        return
+    table = table[~table["status"].isin(["failed", "at_limit"])]
+    if table.empty:
+        return
+    own = results.realisations[results.realisations["variant"] == variant]
+    sets = sets_of(results.realisations)
+    spreads = effect_spread(results.study, results.members, scenario, own, table)
+    given: dict[str, list[Statistic]] = {}
+    priced = as_interval(weights, _cost_exponent(results.study, own))
+    if weights is not None:
+        given = effect_spread(results.study, results.members, scenario, own, table, priced)
+    units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
+    for metric, unit in units.items():
+        row = SummaryRow(variant, scenario, metric, unit, _effects(table, sets, metric, unit, None))
+        row = replace(row, spread=tuple(spreads.get(metric, ())))
+        if weights is not None:
+            of_sets = priced if metric == "marginal_cost" else weights
+            found = [*_effects(table, sets, metric, unit, of_sets), *given.get(metric, ())]
+            row = replace(row, conditioned=_renamed(found))
+        yield _with_reference(results, row, table.assign(values=table[metric]), weights)
+
+
+def _cost_exponent(study: Study, own: pd.DataFrame) -> float:
+    """The power of the intervals that marginal costs go as, at the median interval of the baseline."""
+    prices = study.priced
+    if prices is None:
+        return 0.0
+    days = own.loc[own["scenario"] == prices.baseline, INTERVAL].median()
+    if not np.isfinite(days):
+        return 0.0
+    return economics.cost_exponent(prices.discount_rate, float(days) / DAYS_PER_YEAR)
+
+
+def _effects(
+    table: pd.DataFrame, sets: np.ndarray, metric: str, unit: str, weights: Weights
+) -> tuple[Statistic, ...]:
+    """Statistics of a paired effect, crossed if there are several parameter sets."""
+    if len(sets) == 1:
+        return tuple(summarise_effects(table[metric].to_numpy(dtype=float, na_value=np.nan), unit))
+    failed = np.isnan(matrix(table.assign(known=1.0), "known", sets))
+    return tuple(crossed_effects(matrix(table, metric, sets), failed, unit, set_weights=weights))
+
+
+def _with_reference(
+    results: Results, row: SummaryRow, table: pd.DataFrame, weights: Weights
+) -> SummaryRow:
+    """The row with the published value and where it falls among the column ``values``.
+
+    Growth to the limit and beyond lies above a published growth below it; of a censored pair's effect
+    nothing is known, and the share is of the others.
+    """
+    published = _reference(results.study, row.metric, row.scenario)
+    row = replace(row, reference=published)
+    if published is None:
+        return row
+    values = table["values"].to_numpy(dtype=float, na_value=np.nan)
+    if row.metric == GROWTH:
+        values = np.where(np.isnan(values) & (table["to_limit"] > published.value), np.inf, values)
+    known = ~np.isnan(values)
+    if not np.any(known):
+        return row
+    below = values[known] < published.value
+    least, unknown = float(np.mean(known & (values < published.value))), float(np.mean(~known))
+    row = replace(
+        row,
+        reference_percent=100.0 * float(np.mean(below)),
+        reference_range=(100.0 * least, 100.0 * (least + unknown)),
+    )
+    if weights is None:
+        return row
+    of_sets = plain_weights(weights)
+    assert of_sets is not None
+    own = of_sets[table["parameter_set"].to_numpy(dtype=int)][known]
+    if not np.sum(own) > 0.0:
+        return row
+    return replace(row, conditioned_percent=100.0 * float(own @ below / np.sum(own)))
+
+
+def _reference(study: Study, metric: str, scenario: str) -> ReferenceTable | None:
+    rows = (r for r in study.reference if r.metric == metric and r.scenario == scenario)
+    return next(rows, None)
+
+
+def _part(table: pd.DataFrame, variant: str, scenario: str) -> pd.DataFrame:
+    """Rows of one variant and scenario."""
+    if table.empty:
+        return table
+    return table[(table["variant"] == variant) & (table["scenario"] == scenario)]

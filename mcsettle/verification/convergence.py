@@ -1,0 +1,290 @@
+"""How far Step A's answers still move when its numerical choices are refined.
+
+Every choice (mesh, border, depth of the real mesh, wavenumbers, tolerance of the bases) is varied on
+its own, the others at their defaults; each level is compared with the finest one of its choice. The
+answers are those that Step B lives on, for a unit load at 60 m/s: rail deflection under a constant
+load, vertical stress in every layer below it, and the track compliance at two driving frequencies.
+
+Mesh, border and wavenumbers are compared by direct solutions (spectra at a few wavenumbers,
+polynomials between them); quadrature and tolerance by the reduced bases themselves. What a level
+gave is kept in the cache folder: a study goes on where it stopped, choice by choice if need be.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mcsettle.railway.track import CASE_STUDY_TRACK, SectionTrack
+from mcsettle.step_a.fem25d import MeshSettings, Settings, section_response
+from mcsettle.step_a.fem25d.cache import FORMAT, digest_of, read_arrays, write_arrays
+from mcsettle.step_a.fem25d.depth_grid import depth_grid
+from mcsettle.step_a.fem25d.moving_load import rail_coupling
+from mcsettle.step_a.fem25d.pml import Border
+from mcsettle.step_a.fem25d.solve import outputs, solve
+from mcsettle.step_a.fem25d.track_section import track_section
+from mcsettle.step_a.fem25d.wavenumber_rule import wavenumber_quadrature
+from mcsettle.storage.files import cache_folder
+
+SPEED = 60.0  # m/s
+OMEGAS = (2.0 * math.pi * SPEED / 25.0, 2.0 * math.pi * SPEED / 5.0)  # waves of 25 and 5 m
+DEPTH = 5.5  # m
+SHIFT = 0.06  # rad/m: wavenumbers are spread evenly in log(k + SHIFT)
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """Choices of one computation; ``largest`` [rad/m] ends the wavenumbers, ``count`` of them."""
+
+    mesh: MeshSettings = MeshSettings()
+    depth: float = DEPTH
+    count: int = 16
+    largest: float = 8.0
+
+
+@dataclass(frozen=True)
+class Level:
+    """One level of one choice: relative changes of the answers against the finest level.
+
+    ``order`` is the observed order of the deflection between this level and the next, where the
+    levels are sizes; None elsewhere.
+    """
+
+    choice: str
+    value: str
+    default: bool
+    changes: dict[str, float]
+    order: float | None = None
+
+
+def _mesh(**keys: Any) -> Numerics:
+    return Numerics(mesh=replace(MeshSettings(), **keys))
+
+
+def _border(**keys: Any) -> Numerics:
+    return _mesh(border=replace(Border(), **keys))
+
+
+# The last level of each is the finest; (text, size for an order or None, numerics).
+CHOICES: dict[str, tuple[tuple[str, float | None, Numerics], ...]] = {
+    "element size near the track [m]": tuple(
+        (f"{h:g}", h, _mesh(size=h)) for h in (0.3, 0.21, 0.15, 0.105, 0.075)
+    ),
+    "largest element [m]": tuple((f"{h:g}", None, _mesh(largest=h)) for h in (1.3, 0.9, 0.6)),
+    "growth of elements": tuple((f"{g:g}", None, _mesh(growth=g)) for g in (1.5, 1.3, 1.15)),
+    "real mesh beside the embankment [m]": tuple(
+        (f"{w:g}", None, _mesh(side=w)) for w in (0.4, 0.8, 1.6)
+    ),
+    "border elements": tuple((f"{n}", None, _border(elements=n)) for n in (9, 13, 19)),
+    "border length [m]": tuple(
+        (f"{w:g}", None, _border(length=w)) for w in (1000.0, 4000.0, 8000.0)
+    ),
+    "border beyond, times 1/k": tuple(
+        (f"{n:g}", None, _border(decays=n)) for n in (8.0, 12.0, 18.0)
+    ),
+    "border angle [degrees]": tuple(
+        (f"{a:g}", None, _border(angle=math.radians(a))) for a in (30.0, 60.0, 45.0)
+    ),
+    "depth of the real mesh [m]": tuple(
+        (f"{d:g}", None, replace(Numerics(), depth=d)) for d in (5.5, 8.0, 11.0)
+    ),
+    "largest wavenumber [rad/m]": tuple(
+        (f"{k:g}", None, replace(Numerics(), largest=k)) for k in (4.0, 8.0, 12.0)
+    ),
+    "wavenumbers": tuple((f"{n}", None, replace(Numerics(), count=n)) for n in (16, 24, 36)),
+}
+BASES = "tolerance of the bases"
+PANELS = "quadrature panel [rad/m]"
+BASE_LEVELS: dict[str, tuple[str, tuple[float, ...]]] = {
+    PANELS: ("panel", (0.09, 0.045, 0.0225)),
+    BASES: ("tolerance", (4e-2, 1e-2, 1e-3)),
+}
+
+
+def study_convergence(
+    track: SectionTrack = CASE_STUDY_TRACK,
+    choices: tuple[str, ...] | None = None,
+    progress: Progress | None = None,
+) -> list[Level]:
+    """Levels of every choice (or those named, ``CHOICES``, ``PANELS`` and ``BASES``), in order.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown.
+    """
+    known = (*CHOICES, *BASE_LEVELS)
+    wanted = known if choices is None else choices
+    unknown = sorted(set(wanted) - set(known))
+    if unknown:
+        raise ValueError(f"unknown choice {', '.join(unknown)}; choose from {', '.join(known)}")
+    steps = sum(len(CHOICES[n] if n in CHOICES else BASE_LEVELS[n][1]) for n in wanted)
+    done = itertools.count(1)
+
+    def step() -> None:
+        if progress is not None:
+            progress("Convergence", next(done), steps)
+
+    levels: list[Level] = []
+    for name in wanted:
+        levels += (_levels if name in CHOICES else _bases)(track, name, step)
+    return levels
+
+
+def _kept(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
+    """``answers``, from the cache folder where they are known."""
+    plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+    key = digest_of({"format": FORMAT, "track": asdict(plain), "numerics": asdict(numerics),
+                     "answers": [SPEED, *OMEGAS]})  # fmt: skip
+    path = cache_folder() / f"convergence-{key[:32]}.npz"
+    found = read_arrays(
+        path,
+        "convergence",
+        lambda a: dict(zip(a["names"].tolist(), a["values"].tolist(), strict=True)),
+    )
+    if found is None:
+        found = answers(track, numerics)
+        values = np.array(list(found.values()), dtype=np.complex128)
+        write_arrays(path, {"names": np.array(list(found)), "values": values})
+    return found
+
+
+def answers(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
+    """Deflection [m/N], stresses [Pa/N] and compliances [m/N] by direct solutions."""
+    whole, bands = track_section(track, numerics.depth, numerics.mesh), Settings().bands
+    parts = {k: whole.for_wavenumbers(k, numerics.mesh.border) for k in (0.0, *bands)}
+
+    def direct(k: float, omega: float) -> np.ndarray:
+        section = parts[max(lower for lower in parts if lower <= k)]
+        return outputs(section, k, solve(section, k, omega))
+
+    x = -np.cos(np.pi * (np.arange(numerics.count) + 0.5) / numerics.count)
+    lower, upper = math.log(SHIFT), math.log(numerics.largest + SHIFT)
+    nodes = np.exp((lower + upper) / 2.0 + x * (upper - lower) / 2.0) - SHIFT
+
+    def spectrum(omegas: np.ndarray, k: np.ndarray) -> np.ndarray:
+        found = [direct(k, abs(w)) for k, w in zip(nodes, omegas)]  # noqa: B905
+        fitted = np.polynomial.chebyshev.chebfit(x, np.array(found), numerics.count - 1)
+        at = (2.0 * np.log(k + SHIFT) - lower - upper) / (upper - lower)
+        return np.asarray(np.polynomial.chebyshev.chebval(at, fitted)).T
+
+    def loaded(values: np.ndarray, omega: np.ndarray, k: np.ndarray) -> np.ndarray:
+        sign = np.where(omega >= 0.0, 1.0, -1.0)
+        values = np.where(sign[:, None] > 0.0, values, values.conj())
+        receptance, force = rail_coupling(track, k, omega, values[:, 0], sign)
+        return np.column_stack([receptance, values[:, 1:] * force[:, None]])
+
+    k, weights = _rule(numerics.largest, 0.0)
+    moved = (weights @ loaded(spectrum(nodes * SPEED, k), k * SPEED, k)).real / np.pi
+    found: dict[str, complex] = {"deflection": moved[0]}
+    found |= _stresses(track, numerics.depth, moved[1:].reshape(4, -1)[2])
+    for omega in OMEGAS:
+        k, weights = _rule(numerics.largest, omega / SPEED)
+        ahead = loaded(spectrum(omega + nodes * SPEED, k), omega + k * SPEED, k)
+        behind = loaded(spectrum(omega - nodes * SPEED, k), omega - k * SPEED, k)
+        total = complex(weights @ (ahead[:, 0] + behind[:, 0]))
+        found[f"compliance, {omega:.0f} rad/s"] = total / (2.0 * np.pi)
+    return found
+
+
+def _rule(largest: float, jump: float) -> tuple[np.ndarray, np.ndarray]:
+    """Wavenumbers and weights [N] rad/m; a panel ends where the damping of negative frequency begins."""
+    edges = np.union1d(wavenumber_quadrature(largest, 0.1, 2).edges, [jump])
+    x, w = np.polynomial.legendre.leggauss(12)
+    half = np.diff(edges)[:, None] / 2.0
+    return ((edges[:-1, None] + half) + half * x).ravel(), (half * w).ravel()
+
+
+def _stresses(track: SectionTrack, depth: float, vertical: np.ndarray) -> dict[str, complex]:
+    """σzz at the uppermost point of every layer; in the ground only where the depths are the usual."""
+    grid = depth_grid(track, depth)
+    found = {}
+    for index, layer in enumerate(track.layers):
+        if layer.width is not None or depth == DEPTH:
+            found[f"stress, {layer.name}"] = complex(vertical[grid.layer == index][0])
+    return found
+
+
+def _levels(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator[Level]:
+    entries = CHOICES[name]
+    values = []
+    for _, _, numerics in entries:
+        values.append(_kept(track, numerics))
+        step()
+    finest = values[-1]
+    for i, (text, size, numerics) in enumerate(entries[:-1]):
+        order = None
+        if size is not None and i + 2 < len(entries):
+            order = _order(entries[i : i + 3], [v["deflection"] for v in values[i : i + 3]])
+        yield Level(name, text, numerics == Numerics(), _changes(values[i], finest), order)
+
+
+def _changes(values: dict[str, complex], finest: dict[str, complex]) -> dict[str, float]:
+    return {
+        name: float(abs(value - finest[name]) / abs(finest[name]))
+        for name, value in values.items()
+        if name in finest
+    }
+
+
+def _order(entries: Any, values: list[complex]) -> float | None:
+    """Observed order from three levels, for sizes of any ratio; None if the changes do not fall."""
+    sizes = [entry[1] for entry in entries]
+    first, second = abs(values[0] - values[1]), abs(values[1] - values[2])
+    if not first > second > 0.0:
+        return None
+    orders = np.linspace(0.1, 12.0, 2400)
+    ratio = (sizes[0] ** orders - sizes[1] ** orders) / (sizes[1] ** orders - sizes[2] ** orders)
+    return float(orders[np.argmin(np.abs(ratio - first / second))])
+
+
+def _bases(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator[Level]:
+    """Levels of the reduced bases' own choices, by the response that Step B sees."""
+    key, numbers = BASE_LEVELS[name]
+    changed: list[dict[str, Any]] = [{key: number} for number in numbers]
+    levels = [replace(Settings(), **change) for change in changed]
+    values = []
+    for settings in levels:
+        values.append(_of_response(track, settings))
+        step()
+    for settings, own in list(zip(levels, values, strict=True))[:-1]:
+        changes = _changes(own, values[-1])
+        yield Level(name, f"{getattr(settings, key):g}", settings == Settings(), changes)
+
+
+def _of_response(track: SectionTrack, settings: Settings) -> dict[str, complex]:
+    response = section_response(track, DEPTH, settings)
+    found: dict[str, complex] = {}
+    for omega, s in zip(
+        (0.0, *OMEGAS), response.spectra(SPEED, np.array([0.0, *OMEGAS])), strict=True
+    ):
+        compliance = complex(s.weights @ s.receptance) / (2.0 * np.pi)
+        if omega == 0.0:
+            vertical = np.einsum("q,qz->z", s.weights, s.stress[:, 2]).real / (2.0 * np.pi)
+            found["deflection"] = compliance.real
+            found |= _stresses(track, DEPTH, vertical)
+        else:
+            found[f"compliance, {omega:.0f} rad/s"] = compliance
+    return found
+
+
+def convergence_table(levels: list[Level]) -> str:
+    """Markdown that reads as plain text: one line a level, the default ones marked."""
+    names = list(dict.fromkeys(name for level in levels for name in level.changes))
+    rows = [("choice", "level", *names, "order")]
+    for level in levels:
+        cells = [f"{level.changes[n]:.1e}" if n in level.changes else "" for n in names]
+        order = "" if level.order is None else f"{level.order:.1f}"
+        value = level.value + (" (default)" if level.default else "")
+        rows.append((level.choice, value, *cells, order))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    rows.insert(1, tuple("-" * width for width in widths))
+    return "\n".join(
+        "| " + " | ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) + " |"
+        for row in rows
+    )

@@ -1,0 +1,416 @@
+"""Inputs of others: mutated studies, damaged folders, foreign caches. Refused in words, or right.
+
+Every case runs under an alarm; a case that raises anything but ``InputError``, that
+hangs, or that reads other numbers than were written, is a fault. The numbers of cases are those of the
+fast suite and, ``slow``, of the whole campaign; seeds are fixed, so a case can be run again.
+"""
+
+import contextlib
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import warnings
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import toy
+from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from mcsettle.cli.app import app
+from mcsettle.errors import InputError
+from mcsettle.run.close import gather
+from mcsettle.run.pipeline import run_study
+from mcsettle.run.status import survey
+from mcsettle.step_a.fem25d.cache import read_arrays, write_arrays
+from mcsettle.step_a.transfer_file import load, save
+from mcsettle.storage import parquet, shard_record, store
+from mcsettle.study.study import Study, load_study, resolved_toml, study_from_text
+from mcsettle.summary.results import read_results
+
+ROOT = Path(__file__).resolve().parents[2]
+STUDIES = sorted((ROOT / "studies").glob("*.toml"))
+FAST, LONG = 60, 3000  # cases of one kind
+
+
+@contextlib.contextmanager
+def in_time() -> Iterator[None]:
+    """Fail what takes longer than five seconds of this process's time, or a minute of anybody's."""
+
+    def ring(*_: object) -> None:
+        raise TimeoutError("a case hung")
+
+    clocks = ((signal.ITIMER_PROF, signal.SIGPROF, 5.0), (signal.ITIMER_REAL, signal.SIGALRM, 60.0))
+    old = [signal.signal(number, ring) for _, number, _ in clocks]
+    for clock, _, limit in clocks:
+        signal.setitimer(clock, limit)
+    try:
+        yield
+    finally:
+        for (clock, number, _), kept in zip(clocks, old, strict=True):
+            signal.setitimer(clock, 0.0)
+            signal.signal(number, kept)
+
+
+def refused_or_sound(text: bytes) -> None:
+    """A study is refused in words, or is one that can be written and read again as it is."""
+    with in_time():
+        try:
+            study = study_from_text(text, "study.toml", ROOT / "studies")
+        except InputError as error:
+            told = str(error)
+        else:
+            told = ""
+            again = study_from_text(resolved_toml(study).encode(), "again", ROOT / "studies")
+            assert again.digest == study.digest
+    assert len(told) < 20_000
+
+
+# --- studies --------------------------------------------------------------------------------------
+
+TOKENS = (
+    "nan", "inf", "-1", "0", "1e308", "1e-308", "9" * 400, "true", '""', "[]", "{}", "1979-05-27",
+    '"70 MPa"', '"1e9 km/h"', "[[]]", "{ a = 1 }", '"../../x"', '"/etc/passwd"', '"http://x/y"', "'\\'",
+    "0x1F", "1_000", "[1, 'a']", '"' + "x" * 3000 + '"', "\u0000", "-0.0", '"\\ud800"',
+    "9223372036854775808",
+)  # fmt: skip
+
+
+def mutated(text: str, rng: random.Random) -> bytes:
+    """A study file with one to four changes: values, lines, bytes."""
+    for _ in range(rng.randrange(1, 5)):
+        lines = text.split("\n")
+        i = rng.randrange(len(lines))
+        kind = rng.randrange(8)
+        if kind < 3 and "=" in lines[i]:
+            lines[i] = lines[i].split("=")[0] + "= " + rng.choice(TOKENS)
+        elif kind == 3:
+            del lines[i]
+        elif kind == 4:
+            lines.insert(rng.randrange(len(lines)), lines[i])
+        elif kind == 5:
+            lines[i] = re.sub(r"[0-9]+", lambda _: rng.choice(TOKENS), lines[i], count=1)
+        elif kind == 6:
+            lines[i] = lines[i][: rng.randrange(len(lines[i]) + 1)]
+        else:
+            at = rng.randrange(len(lines[i]) + 1)
+            lines[i] = lines[i][:at] + chr(rng.randrange(1, 0x250)) + lines[i][at:]
+        text = "\n".join(lines)
+    data = bytearray(text.encode("utf-8", "surrogatepass"))
+    if data and rng.random() < 0.1:
+        data[rng.randrange(len(data))] = rng.randrange(256)
+    return bytes(data)
+
+
+def fuzz_studies(cases: int, start: int) -> None:
+    texts = [path.read_text(encoding="utf-8") for path in STUDIES]
+    for case in range(start, start + cases):
+        rng = random.Random(case)
+        data = mutated(rng.choice(texts), rng)
+        try:
+            refused_or_sound(data)
+        except Exception as error:
+            raise AssertionError(f"case {case}: {data!r}") from error
+
+
+def test_mutated_studies():
+    fuzz_studies(2 * FAST, 0)
+
+
+@pytest.mark.slow
+def test_very_many_mutated_studies():
+    fuzz_studies(2 * LONG, 1_000_000)
+
+
+KEYS = st.sampled_from(
+    [*Study.model_fields, "track", "trains", "file", "name", "x", "per_day", "kind"]
+)
+LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20) | st.dates()
+TREES = st.recursive(
+    LEAVES, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEYS, inner, max_size=6)
+)
+
+
+def made(data: dict) -> None:
+    """Nested values as no TOML file has them are refused too."""
+    with in_time(), contextlib.suppress(InputError):
+        Study.from_mapping(data)
+
+
+@seed(2026)
+@settings(max_examples=FAST, deadline=None, database=None)
+@given(st.dictionaries(KEYS, TREES, max_size=10))
+def test_made_studies(data):
+    made(data)
+
+
+@pytest.mark.slow
+@seed(2027)
+@settings(max_examples=LONG, deadline=None, database=None,
+          suppress_health_check=list(HealthCheck))  # fmt: skip
+@given(st.dictionaries(KEYS, TREES, max_size=10))
+def test_very_many_made_studies(data):
+    made(data)
+
+
+BOMBS = {
+    "dotted": "a" + ".a" * 400_000 + " = 1",
+    "dotted, in lines": ("a" + ".b" * 2400 + " = 1\n") * 100,
+    "brackets": "a = " + "[" * 900_000,
+    "tables": "".join(f"[t{i}]\n" for i in range(60_000)),
+    "keys": "".join(f"k{i} = 1\n" for i in range(60_000)),
+    "scenarios": "[[scenarios]]\n" * 60_000,
+    "inline": "a = " + "{ a = " * 100_000,
+    "headings": "[" + ".".join(["a"] * 2000) + "]\n",
+    "trains": "".join(f'[trains.t{i}]\nvehicle = "x"\n' for i in range(20_000)),
+    "number": "seed = " + "9" * 900_000,
+    "days": "[run]\nhistory_days = [" + "1," * 400_000 + "]",
+    "string": 'title = "' + "x" * 900_000 + '"',
+    "quotes": "title = " + '"' * 900_000,
+    "nul": "\0" * 1000,
+    "large": "#" * 1_000_001,
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_bombs_are_refused_in_time(name, tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(BOMBS[name], encoding="utf-8")
+    with in_time(), pytest.raises(InputError) as told:
+        load_study(path)
+    assert len(str(told.value)) < 20_000
+
+
+def test_nothing_of_a_study_is_run(tmp_path):
+    """Not even what looks like it: names, templates, paths are texts."""
+    mark = tmp_path / "mark"
+    evil = f"__import__('pathlib').Path({str(mark)!r}).touch()"
+    text = (ROOT / "studies" / "toy.toml").read_text(encoding="utf-8")
+    for line in ('title = "', 'seed = "', '[track]\nmodel = "'):
+        refused_or_sound(text.replace(line.split("\n")[-1], line.split("\n")[-1] + evil).encode())
+    assert not mark.exists()
+
+
+# --- results folders ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def results(fresh_cache, tmp_path_factory):
+    study = toy.study(run={"realisations": 4})
+    return run_study(study, tmp_path_factory.mktemp("hostile") / "out", shard_size=2).folder
+
+
+def damaged(folder: Path, rng: random.Random) -> str:
+    """Change one thing of a results folder; says what."""
+    files = sorted(p for p in folder.rglob("*") if p.is_file() and ".locks" not in p.parts)
+    path = rng.choice(files)
+    data = bytearray(path.read_bytes() or b" ")  # it may have been emptied before
+    kind = rng.choice(("bit", "bytes", "cut", "grow", "empty", "delete", "copy", "noise", "text"))
+    if kind == "bit":
+        data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+    elif kind == "bytes":
+        at = rng.randrange(len(data))
+        data[at : at + rng.randrange(1, 64)] = rng.randbytes(rng.randrange(64))
+    elif kind == "cut":
+        del data[rng.randrange(len(data)) :]
+    elif kind == "grow":
+        data += rng.randbytes(rng.randrange(1, 100))
+    elif kind == "empty":
+        data.clear()
+    elif kind == "noise":
+        data = bytearray(rng.randbytes(len(data)))
+    elif kind == "copy":
+        data = bytearray(rng.choice(files).read_bytes())
+    elif kind == "text" and path.suffix in (".json", ".toml"):
+        text = data.decode("utf-8", "replace")  # it may have been damaged before
+        spots = [m.span() for m in re.finditer(r"[0-9]+|\"[^\"]*\"", text)] or [(0, 0)]
+        first, last = rng.choice(spots)
+        text = text[:first] + rng.choice(TOKENS) + text[last:]
+        data = bytearray(text.encode("utf-8", "replace"))
+    if kind == "delete":
+        path.unlink()
+    else:
+        path.write_bytes(bytes(data))
+    return f"{kind} {path.relative_to(folder)}"
+
+
+def fuzz_folders(results: Path, folder: Path, cases: int, start: int) -> None:
+    """Damage a copy of a finished run; what is then read is refused or what was written."""
+    whole = read_results(results)
+    for case in range(start, start + cases):
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(results, folder)
+        rng = random.Random(case)
+        done = [damaged(folder, rng) for _ in range(rng.choice((1, 1, 1, 2, 3)))]
+        try:
+            with in_time():
+                compared(folder, whole, rng.random() < 0.3)
+        except Exception as error:
+            raise AssertionError(f"case {case}: {done}") from error
+
+
+def compared(folder: Path, whole, close: bool) -> None:
+    """Readers and ``survey``; with ``close`` the manifest is taken away and the run closed again."""
+    if close:
+        (folder / store.MANIFEST).unlink(missing_ok=True)
+        with contextlib.suppress(InputError):
+            gather(folder)
+    with contextlib.suppress(InputError):
+        survey(folder)
+    with contextlib.suppress(InputError):
+        found = read_results(folder)
+        for name in ("realisations", "history", "effects"):
+            assert getattr(found, name).equals(getattr(whole, name)), name
+        assert found.study.digest == whole.study.digest
+
+
+def test_damaged_folders(results, tmp_path):
+    fuzz_folders(results, tmp_path / "copy", FAST, 0)
+
+
+@pytest.mark.slow
+def test_very_many_damaged_folders(results, tmp_path):
+    fuzz_folders(results, tmp_path / "copy", LONG, 1_000_000)
+
+
+def test_a_damaged_folder_shows_no_traceback(results, tmp_path):
+    for case in range(6):
+        folder = tmp_path / str(case)
+        shutil.copytree(results, folder)
+        damaged(folder, random.Random(case))
+        for verb in ("status", "gather", "summarise"):
+            done = CliRunner().invoke(app, [verb, str(folder)])
+            assert done.exit_code in (0, 2), (case, verb, done.exception)
+            assert done.exception is None or isinstance(done.exception, SystemExit)
+
+
+def test_a_bomb_of_rows_is_refused():
+    """A few bytes that would unpack to a billion rows."""
+    kept = parquet.MOST_ROWS
+    sink = pa.BufferOutputStream()
+    column = pa.chunked_array([pa.nulls(kept // 100 + 1, pa.int8())] * 100)
+    pq.write_table(pa.table({"x": column}), sink, row_group_size=kept + 200)
+    data = sink.getvalue().to_pybytes()
+    assert len(data) < 1_000_000
+    with in_time(), pytest.raises(InputError, match="no table of a run is as large"):
+        parquet.decode(data, "bomb.parquet")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[" * 100_000, '{"files": [' + "{}," * 10_000 + "{}]}", "9" * 100_000, '{"a": 1e999}', "null"],
+)  # fmt: skip
+def test_hostile_json(results, tmp_path, text):
+    folder = tmp_path / "copy"
+    shutil.copytree(results, folder)
+    shard = next((folder / shard_record.RECORDS).iterdir())
+    for path in (folder / store.MANIFEST, folder / store.PROVENANCE, shard):
+        kept = path.read_bytes()
+        path.write_text(text, encoding="utf-8")
+        for read in (survey, read_results):
+            with in_time(), contextlib.suppress(InputError):
+                read(folder)
+        path.write_bytes(kept)
+
+
+# --- caches ---------------------------------------------------------------------------------------
+
+
+class Evil:
+    """Unpickling it would write a file."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self):
+        return Path.touch, (self.mark,)
+
+
+def test_a_cache_is_never_unpickled(tmp_path):
+    mark = tmp_path / "mark"
+    path = tmp_path / "section-1.npz"
+    np.savez(
+        path, checksum=np.array("x"), evil=np.array([Evil(mark)], dtype=object), allow_pickle=True
+    )
+    with pytest.warns(RuntimeWarning, match="damaged"):
+        assert read_arrays(path, "thing", dict) is None
+    with pytest.raises(InputError, match="damaged"):
+        load(path)
+    assert not mark.exists()
+
+
+def test_a_cache_that_would_fill_the_memory_is_refused(tmp_path):
+    path = tmp_path / "section-1.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        header = "{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }"
+        text = header.ljust(117).encode() + b"\n"
+        archive.writestr("a.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text)
+    for read in (lambda: load(path), lambda: read_arrays(path, "thing", dict)):
+        with in_time(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with contextlib.suppress(InputError):
+                assert read() is None
+
+
+def fuzz_caches(folder: Path, cases: int, start: int) -> None:
+    """Damaged arrays: computed again, or what was written."""
+    one, two = folder / "section-1.npz", folder / "transfer.npz"
+    arrays = {"x": np.arange(200.0), "y": np.ones((3, 4), complex)}
+    write_arrays(one, dict(arrays))
+    save(toy.transfer(), two)
+    kept = {path: path.read_bytes() for path in (one, two)}
+    for case in range(start, start + cases):
+        rng = random.Random(case)
+        for path, data in kept.items():
+            wrong = bytearray(data)
+            for _ in range(rng.randrange(1, 4)):
+                wrong[rng.randrange(len(wrong))] = rng.randrange(256)
+            path.write_bytes(bytes(wrong[: rng.choice((len(wrong), rng.randrange(len(wrong))))]))
+        with in_time(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = read_arrays(one, "thing", dict)
+            assert found is None or all(np.array_equal(found[k], arrays[k]) for k in arrays), case
+            with contextlib.suppress(InputError):
+                again = load(two)
+                assert np.array_equal(again.quasi_static, toy.transfer().quasi_static), case
+
+
+def test_damaged_caches(tmp_path):
+    fuzz_caches(tmp_path, FAST, 0)
+
+
+@pytest.mark.slow
+def test_very_many_damaged_caches(tmp_path):
+    fuzz_caches(tmp_path, LONG // 3, 1_000_000)
+
+
+# --- network --------------------------------------------------------------------------------------
+
+
+def test_no_network_unless_a_url_was_given(tmp_path, toy_path):
+    """A run, from study to summary, in a process that may not open a socket to anywhere."""
+    code = (
+        "import socket, sys\n"
+        "def refuse(*a, **k):\n"
+        "    raise SystemExit('network')\n"
+        "socket.socket.connect = socket.create_connection = socket.getaddrinfo = refuse\n"
+        "from mcsettle.cli.app import main\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "check", str(toy_path)],
+        capture_output=True, text=True, check=False, env=os.environ | {"MCSETTLE_CACHE": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert json.dumps(done.stdout)

@@ -1,0 +1,115 @@
+"""Exports as workbooks read them, and every table of a run as other tools read its bare folder."""
+
+import datetime
+from pathlib import Path
+
+import duckdb
+import made_run
+import numpy as np
+import openpyxl
+import pandas as pd
+import polars as pl
+import pytest
+import toy
+
+from mcsettle.report.export import sheets, write_csv, write_xlsx
+from mcsettle.report.material import Material, read_material
+from mcsettle.run.pipeline import run_study
+from mcsettle.storage.tables import TABLES
+
+DAYS = np.linspace(500.0, 900.0, 11)
+FORMULA = '=HYPERLINK("x","y")'
+
+
+@pytest.fixture(scope="module")
+def material(tmp_path_factory) -> Material:
+    given = [s.model_dump(exclude_none=True) for s in made_run.study().scenarios]
+    given[1]["title"] = FORMULA
+    days = {"v201": DAYS, "v225": np.where(DAYS > 880.0, np.nan, 0.8 * DAYS)}
+    made = made_run.study(scenarios=given, title="@title")
+    return read_material(made_run.write(tmp_path_factory.mktemp("run") / "run", made, days))
+
+
+def test_workbook_keeps_types_and_runs_no_formula(material: Material, tmp_path: Path) -> None:
+    path = tmp_path / "book.xlsx"
+    assert write_xlsx(material, path) == []
+    book = openpyxl.load_workbook(path)
+    assert book.sheetnames == [s.name for s in sheets(material)]
+    for sheet in sheets(material):
+        page = book[sheet.name]
+        assert tuple(c.value for c in page[1]) == sheet.columns
+        assert page.max_row == len(sheet.rows) + 1
+        kinds = {cell.data_type for row in page.iter_rows() for cell in row}
+        assert kinds <= {"s", "n"}, sheet.name  # no formula, no error; empty cells are "n"
+    summary = pd.read_excel(path, sheet_name="summary")
+    ours = pd.DataFrame(list(sheets(material)[1].rows), columns=list(summary.columns))
+    assert summary["value"].dtype == float
+    # A workbook holds 16 digits.
+    np.testing.assert_allclose(summary["value"], ours["value"].astype(float), rtol=1e-14)
+    assert summary["n"].dtype == int
+    effects = pd.read_excel(path, sheet_name="effects")
+    assert effects["elasticity"].isna().sum() == 1  # the censored pair is an empty cell
+    cells = [c.value for row in book["scenarios"].iter_rows() for c in row]
+    assert FORMULA in cells
+    assert book.properties.created == datetime.datetime(2000, 1, 1)
+
+
+def test_same_run_same_workbook(material: Material, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_xlsx(material, tmp_path / f"{name}.xlsx")
+    assert (tmp_path / "a.xlsx").read_bytes() == (tmp_path / "b.xlsx").read_bytes()
+
+
+def test_csv_is_read_back(material: Material, tmp_path: Path) -> None:
+    written = write_csv(material, tmp_path / "csv")
+    assert {p.stem for p in written} == {s.name for s in sheets(material)}
+    rows = pd.read_csv(tmp_path / "csv" / "realisations.csv")
+    held = material.results.realisations
+    np.testing.assert_array_equal(
+        rows["tamping_interval_days"], held["tamping_interval_days"].to_numpy(float)
+    )
+    assert pl.read_csv(tmp_path / "csv" / "effects.csv").height == len(material.results.effects)
+    titles = pd.read_csv(tmp_path / "csv" / "scenarios.csv")["title"]
+    assert titles[1] == f"'{FORMULA}"  # a spreadsheet shows it, and does not run it
+    about = pd.read_csv(tmp_path / "csv" / "about.csv", index_col=0)["value"]
+    assert about["title"] == "'@title"
+    assert about["study digest"] == material.study.digest
+    inputs = pd.read_csv(tmp_path / "csv" / "inputs.csv", index_col=0)
+    assert inputs.loc["limit.sd_limit_mm", "value"] == "1.5"
+
+
+def test_a_table_too_long_for_a_sheet_is_cut_and_said(
+    material: Material, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mcsettle.report import export
+
+    monkeypatch.setattr(export, "MOST_ROWS", 5)
+    remarks = write_xlsx(material, tmp_path / "book.xlsx")
+    assert any("'effects' holds the first 5 of 11 rows" in r for r in remarks)
+    assert openpyxl.load_workbook(tmp_path / "book.xlsx")["effects"].max_row == 6
+
+
+def test_every_table_of_a_run_is_read_as_a_bare_folder(fresh_cache, tmp_path: Path) -> None:
+    uncertain = [{"input": "economics.discount_rate", "distribution": "uniform", "low": 0.03,
+                  "high": 0.04}]  # fmt: skip
+    run_study(
+        toy.study(uncertain=uncertain, run={"parameter_sets": 2, "realisations": 3}), tmp_path
+    )
+    tables = [name for name in TABLES if (tmp_path / name).is_dir()]
+    assert {"realisations", "history", "effects", "parameters", "summary"} <= set(tables)
+    for name in tables:
+        folder = tmp_path / name
+        frames = [
+            pd.read_parquet(folder),
+            pl.read_parquet(f"{folder}/*.parquet").to_pandas(),
+            duckdb.sql(f"select * from read_parquet('{folder}/*.parquet')").df(),
+        ]
+        keys = TABLES[name].keys
+        first = frames[0].sort_values(keys, ignore_index=True)
+        for other in frames[1:]:
+            ordered = other.sort_values(keys, ignore_index=True)
+            assert list(ordered.columns) == list(first.columns)
+            for column in first.columns:
+                one, two = (f[column].astype(object).where(f[column].notna(), None) for f in
+                            (first, ordered))  # fmt: skip
+                assert one.tolist() == two.tolist(), f"{name}.{column}"
