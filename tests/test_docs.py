@@ -14,9 +14,11 @@ from mcsettle.study.study import Study, json_schema
 from mcsettle.study.uncertain import CorrelationTable, UncertainTable
 
 ROOT = Path(__file__).resolve().parents[1]
-GUIDE = (ROOT / "docs" / "user-guide.md").read_text(encoding="utf-8")
+GUIDE = "\n".join(
+    path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "guide").glob("*.md"))
+)
 PAGES = sorted(
-    path for folder in (ROOT, ROOT / "docs", ROOT / "studies") for path in folder.glob("*.md")
+    [*ROOT.glob("*.md"), *(ROOT / "studies").glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 )
 HEADINGS: dict[str, type[schema.Table]] = {
     "Top level": Study,
@@ -64,9 +66,9 @@ FORBIDDEN = re.compile(
 
 def part(heading: str) -> str:
     """Text of the guide below a heading of the third level, up to the next heading."""
-    found = re.search(rf"^### {re.escape(heading)}$(.*?)(?=^##)", GUIDE, re.MULTILINE | re.DOTALL)
-    assert found, f"the guide has no heading '{heading}'"
-    return found[1]
+    match = re.search(rf"^### {re.escape(heading)}$(.*?)(?=^#)", GUIDE, re.MULTILINE | re.DOTALL)
+    assert match, f"the guide has no heading '{heading}'"
+    return match[1]
 
 
 def rows(heading: str) -> dict[str, str]:
