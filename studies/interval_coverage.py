@@ -27,7 +27,7 @@ from mcsettle.estimate.refit import weights_of_fits
 from mcsettle.estimate.resampling import as_interval
 from mcsettle.run.factor_fit import draw_factor
 from mcsettle.study.distributions import distribution
-from mcsettle.study.observations import ObservedTable
+from mcsettle.study.schema.observed import ObservedTable
 
 OF_SET, OF_TRACK, OF_BOTH = 0.5, 0.4, 0.1  # log standard deviations of the rates
 MEDIAN = 700.0

@@ -9,9 +9,33 @@ import typer
 
 from mcsettle.cli.app import app
 from mcsettle.storage.tables import TABLES
-from mcsettle.study import schema
+from mcsettle.study.schema.base import Table
+from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
+from mcsettle.study.schema.grounds import GroundsTable, SoilTable
+from mcsettle.study.schema.profile import ProfileTable, RecordTable
+from mcsettle.study.schema.published import METRICS, CalibrationTable, ReferenceTable
+from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
+from mcsettle.study.schema.track import (
+    GroundTable,
+    LayerTable,
+    PadTable,
+    RailTable,
+    SleeperTable,
+    SofteningTable,
+    SupportTable,
+    TrackTable,
+    UnderSleeperPadTable,
+)
+from mcsettle.study.schema.traffic import (
+    ConsistTable,
+    ScenarioTable,
+    ServiceTable,
+    TrainTable,
+    VehicleTable,
+)
+from mcsettle.study.schema.uncertain import CorrelationTable, UncertainTable
+from mcsettle.study.schema.variants import VariantTable
 from mcsettle.study.study import Study, json_schema
-from mcsettle.study.uncertain import CorrelationTable, UncertainTable
 
 ROOT = Path(__file__).resolve().parents[1]
 GUIDE = "\n".join(
@@ -20,36 +44,36 @@ GUIDE = "\n".join(
 PAGES = sorted(
     [*ROOT.glob("*.md"), *(ROOT / "studies").glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 )
-HEADINGS: dict[str, type[schema.Table]] = {
+HEADINGS: dict[str, type[Table]] = {
     "Top level": Study,
-    "`[track]`": schema.TrackTable,
-    "`[track.rail]`": schema.RailTable,
-    "`[track.pad]`": schema.PadTable,
-    "`[track.sleeper]`": schema.SleeperTable,
-    "`[track.support]`": schema.SupportTable,
-    "`[track.layers.NAME]`": schema.LayerTable,
-    "`[track.softening]`": schema.SofteningTable,
-    "`[profile]`": schema.ProfileTable,
-    "`[profile.record]`": schema.RecordTable,
-    "`[settlement]`": schema.SettlementTable,
-    "`[grounds]`": schema.GroundsTable,
-    "`[grounds.materials.CODE]`": schema.SoilTable,
-    "`[limit]`": schema.LimitTable,
-    "`[run]`": schema.RunTable,
-    "`[economics]`": schema.EconomicsTable,
-    "`[maintenance]`": schema.MaintenanceTable,
-    "`[trains.NAME]`": schema.TrainTable,
-    "Entries of a consist": schema.ConsistTable,
-    "`[vehicles.NAME]`": schema.VehicleTable,
-    "`[[track.ground]]`": schema.GroundTable,
-    "`[track.under_sleeper_pad]`": schema.UnderSleeperPadTable,
-    "`[[scenarios]]`": schema.ScenarioTable,
-    "Services of a timetable": schema.ServiceTable,
-    "`[[variants]]`": schema.VariantTable,
-    "`[[reference]]`": schema.ReferenceTable,
+    "`[track]`": TrackTable,
+    "`[track.rail]`": RailTable,
+    "`[track.pad]`": PadTable,
+    "`[track.sleeper]`": SleeperTable,
+    "`[track.support]`": SupportTable,
+    "`[track.layers.NAME]`": LayerTable,
+    "`[track.softening]`": SofteningTable,
+    "`[profile]`": ProfileTable,
+    "`[profile.record]`": RecordTable,
+    "`[settlement]`": SettlementTable,
+    "`[grounds]`": GroundsTable,
+    "`[grounds.materials.CODE]`": SoilTable,
+    "`[limit]`": LimitTable,
+    "`[run]`": RunTable,
+    "`[economics]`": EconomicsTable,
+    "`[maintenance]`": MaintenanceTable,
+    "`[trains.NAME]`": TrainTable,
+    "Entries of a consist": ConsistTable,
+    "`[vehicles.NAME]`": VehicleTable,
+    "`[[track.ground]]`": GroundTable,
+    "`[track.under_sleeper_pad]`": UnderSleeperPadTable,
+    "`[[scenarios]]`": ScenarioTable,
+    "Services of a timetable": ServiceTable,
+    "`[[variants]]`": VariantTable,
+    "`[[reference]]`": ReferenceTable,
     "`[[uncertain]]`": UncertainTable,
     "`[[correlations]]`": CorrelationTable,
-    "`[calibration]`": schema.CalibrationTable,
+    "`[calibration]`": CalibrationTable,
 }
 COLUMNS = 5  # of a table of keys
 NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e\d+)?")
@@ -77,7 +101,7 @@ def rows(heading: str) -> dict[str, str]:
     return {line.split("`")[1]: line for line in lines if line.count("|") == COLUMNS + 1}
 
 
-def alias(name: str, table: type[schema.Table]) -> str:
+def alias(name: str, table: type[Table]) -> str:
     return table.model_fields[name].alias or name
 
 
@@ -141,7 +165,7 @@ def test_limits_and_choices_are_stated(heading: str) -> None:
 
 
 def test_every_metric_is_named() -> None:
-    for metric in get_args(schema.METRICS):
+    for metric in get_args(METRICS):
         assert f"`{metric}`" in GUIDE or f'`"{metric}"`' in GUIDE, metric
 
 

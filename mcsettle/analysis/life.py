@@ -28,7 +28,7 @@ from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
 from mcsettle.step_b import engine
 from mcsettle.step_b.case import Case
-from mcsettle.study.schema import MaintenanceTable
+from mcsettle.study.schema.economics import MaintenanceTable
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
 from mcsettle.units import DAYS_PER_YEAR, MM

@@ -9,7 +9,7 @@ from scipy import special
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.resampling import SetWeights, remembered
-from mcsettle.study.observations import ObservedTable
+from mcsettle.study.schema.observed import ObservedTable
 from mcsettle.study.study import Study
 
 INTERVAL = "tamping_interval_days"

@@ -21,7 +21,7 @@ from mcsettle.report.words import (
     unit_words,
     with_error,
 )
-from mcsettle.study.schema import ReferenceTable
+from mcsettle.study.schema.published import ReferenceTable
 
 WIDE_BAND = (5.0, 95.0)
 

@@ -18,16 +18,11 @@ from mcsettle.report.words import cut
 from mcsettle.storage.tables import unit_of
 from mcsettle.study.build import resolved_track
 from mcsettle.study.build_trains import resolved_train
-from mcsettle.study.schema import (
-    EconomicsTable,
-    LimitTable,
-    ProfileTable,
-    RunTable,
-    SettlementTable,
-    SofteningTable,
-    TrackTable,
-    TrainTable,
-)
+from mcsettle.study.schema.economics import EconomicsTable
+from mcsettle.study.schema.profile import ProfileTable
+from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
+from mcsettle.study.schema.track import SofteningTable, TrackTable
+from mcsettle.study.schema.traffic import TrainTable
 from mcsettle.study.study import Study, study_data
 
 OMITTED = {

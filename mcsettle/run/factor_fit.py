@@ -27,10 +27,10 @@ from mcsettle.storage import store
 from mcsettle.storage.location import Place
 from mcsettle.storage.store import Provenance
 from mcsettle.study.distributions import Distribution
-from mcsettle.study.observations import ObservedTable
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
+from mcsettle.study.schema.observed import ObservedTable
+from mcsettle.study.schema.uncertain import UncertainTable
 from mcsettle.study.study import Study
-from mcsettle.study.uncertain import UncertainTable
 from mcsettle.types import Progress
 from mcsettle.units import MM
 

@@ -22,17 +22,12 @@ from mcsettle.railway.traffic import Service, Timetable, Train
 from mcsettle.step_b.settlement import SettlementModel
 from mcsettle.study.attributes import Paths, described, overridden
 from mcsettle.study.build_ground import under_sleeper_pad, with_ground
-from mcsettle.study.schema import (
-    GroundsTable,
-    LayerTable,
-    ProfileTable,
-    RecordTable,
-    ScenarioTable,
-    SettlementTable,
-    SofteningTable,
-    TrackTable,
-    VariantTable,
-)
+from mcsettle.study.schema.grounds import GroundsTable
+from mcsettle.study.schema.profile import ProfileTable, RecordTable
+from mcsettle.study.schema.run import SettlementTable
+from mcsettle.study.schema.track import LayerTable, SofteningTable, TrackTable
+from mcsettle.study.schema.traffic import ScenarioTable
+from mcsettle.study.schema.variants import VariantTable
 from mcsettle.units import KMH, MM
 
 LAYER_PATHS: Paths = {

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from mcsettle.railway.track import Layer, Material, PowerLaw, Sleeper
-from mcsettle.study.schema import GroundTable, UnderSleeperPadTable
+from mcsettle.study.schema.track import GroundTable, UnderSleeperPadTable
 
 _NEEDED = ("youngs_modulus_pa", "poisson", "density_kg_per_m3", "damping")
 _LAW = ("settlement_a", "settlement_b", "settlement_m", "strength_pa")

@@ -15,7 +15,7 @@ from mcsettle.railway.traffic import Train
 from mcsettle.railway.vehicle import VEHICLES, Suspension, Vehicle
 from mcsettle.study.attributes import Paths, described, overridden
 from mcsettle.study.faults import suggestion
-from mcsettle.study.schema import ConsistTable, TrainTable, VehicleTable
+from mcsettle.study.schema.traffic import ConsistTable, TrainTable, VehicleTable
 from mcsettle.units import TONNE
 
 VEHICLE_PATHS: Paths = {

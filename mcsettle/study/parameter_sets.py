@@ -11,7 +11,7 @@ import numpy as np
 
 from mcsettle.errors import InputError
 from mcsettle.railway.ground_profiles import Ground, slab_materials, slabs
-from mcsettle.study.schema import GroundsTable
+from mcsettle.study.schema.grounds import GroundsTable
 from mcsettle.study.study import Study
 from mcsettle.study.uncertain import normal_scores_correlation
 

@@ -7,21 +7,15 @@ from typing import Any
 
 from mcsettle.errors import InputError
 from mcsettle.storage.files import read_regular
-from mcsettle.study.parts import Parts
-from mcsettle.study.schema import (
-    CalibrationTable,
-    EconomicsTable,
-    LimitTable,
-    MaintenanceTable,
-    ProfileTable,
-    ReferenceTable,
-    ScenarioTable,
-    Table,
-    TrackTable,
-    TrainTable,
-    VariantTable,
-    VehicleTable,
-)
+from mcsettle.study.checks.parts import Parts
+from mcsettle.study.schema.base import Table
+from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
+from mcsettle.study.schema.profile import ProfileTable
+from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
+from mcsettle.study.schema.run import LimitTable
+from mcsettle.study.schema.track import TrackTable
+from mcsettle.study.schema.traffic import ScenarioTable, TrainTable, VehicleTable
+from mcsettle.study.schema.variants import VariantTable
 
 LARGEST_FILE = 1_000_000  # bytes
 MOST_DOTS = 2500  # in one line

@@ -1,6 +1,6 @@
 """Study: one TOML file, read, validated, frozen, every default filled in.
 
-``load_study`` is the door. A study holds the tables of the file (``study_schema``) and builds the
+``load_study`` is the door. A study holds the tables of the file (``schema``) and builds the
 objects of the model from them; it knows nothing of how a study is run.
 """
 
@@ -35,45 +35,27 @@ from mcsettle.study.build import (
     settlement_settings,
 )
 from mcsettle.study.build_trains import build_train, resolved_train
-from mcsettle.study.checks import faults_between, warnings_of
+from mcsettle.study.checks.observed import observed_faults
+from mcsettle.study.checks.parts import Parts
+from mcsettle.study.checks.together import faults_between, warnings_of
+from mcsettle.study.checks.uncertain import uncertain_faults
 from mcsettle.study.faults import Fault, faults_of, refusal, suggestion
 from mcsettle.study.input_files import digest_of, input_file
 from mcsettle.study.key_paths import steps_to
 from mcsettle.study.library import expanded
-from mcsettle.study.observations import ObservedTable, observed_faults
-from mcsettle.study.parts import Parts
 from mcsettle.study.read import parsed_toml, sound_parts, toml_data, with_tuples
-from mcsettle.study.schema import (
-    CalibrationTable,
-    EconomicsTable,
-    FileName,
-    GroundsTable,
-    LimitTable,
-    MaintenanceTable,
-    Name,
-    ProfileTable,
-    RecordTable,
-    ReferenceTable,
-    RunTable,
-    ScenarioTable,
-    SettlementTable,
-    Table,
-    Text,
-    TrackTable,
-    TrainTable,
-    VariantTable,
-    VehicleTable,
-)
-from mcsettle.study.uncertain import (
-    CorrelationTable,
-    UncertainTable,
-    followers,
-    uncertain_faults,
-    with_values,
-)
-from mcsettle.study.uncertain import (
-    Path as KeyPath,
-)
+from mcsettle.study.schema.base import FileName, KeyPath, Name, Table, Text
+from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
+from mcsettle.study.schema.grounds import GroundsTable
+from mcsettle.study.schema.observed import ObservedTable
+from mcsettle.study.schema.profile import ProfileTable, RecordTable
+from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
+from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
+from mcsettle.study.schema.track import TrackTable
+from mcsettle.study.schema.traffic import ScenarioTable, TrainTable, VehicleTable
+from mcsettle.study.schema.uncertain import CorrelationTable, UncertainTable
+from mcsettle.study.schema.variants import VariantTable
+from mcsettle.study.uncertain import followers, with_values
 from mcsettle.study.write import toml_text
 from mcsettle.units import DAYS_PER_YEAR, MGT
 

@@ -20,7 +20,7 @@ from mcsettle.estimate.refit import refitted_weights
 from mcsettle.estimate.resampling import SetWeights, Weights, as_interval, plain_weights
 from mcsettle.estimate.sample import summarise_effects, summarise_intervals
 from mcsettle.storage.tables import input_column
-from mcsettle.study.schema import ReferenceTable
+from mcsettle.study.schema.published import ReferenceTable
 from mcsettle.study.study import Study
 from mcsettle.summary.results import Results
 from mcsettle.summary.spread import effect_spread, interval_spread, matrix, sets_of

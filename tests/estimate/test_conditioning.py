@@ -24,8 +24,8 @@ from mcsettle.run import factor_fit
 from mcsettle.run.pipeline import run_study
 from mcsettle.storage import store
 from mcsettle.storage.tables import input_column
-from mcsettle.study.observations import ObservedTable
 from mcsettle.study.parameter_sets import all_sets
+from mcsettle.study.schema.observed import ObservedTable
 from mcsettle.study.study import load_study
 from mcsettle.summary.results import read_results
 from mcsettle.summary.spread import _drawn

@@ -10,7 +10,7 @@ from mcsettle.estimate.line_mean import line_means
 from mcsettle.estimate.line_mean_error import curve, moments
 from mcsettle.estimate.order_statistics import MANY, order_positions, worth
 from mcsettle.estimate.resampling import Resampling, SetWeights
-from mcsettle.study.observations import ObservedTable
+from mcsettle.study.schema.observed import ObservedTable
 
 
 def days(n_sets=96, n_tracks=60, of_set=0.5, seed=0):

@@ -10,7 +10,7 @@ from mcsettle.estimate.likelihood import Likelihood, log_interval, sd_on
 from mcsettle.estimate.line_mean import line_means
 from mcsettle.estimate.refit import weights_of_fits
 from mcsettle.estimate.resampling import Resampling, as_interval
-from mcsettle.study.observations import ObservedTable
+from mcsettle.study.schema.observed import ObservedTable
 
 SETS, TRACKS = 24, 32
 MEDIAN = ObservedTable(

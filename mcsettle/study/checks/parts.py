@@ -3,20 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from mcsettle.study.schema import (
-    CalibrationTable,
-    EconomicsTable,
-    LimitTable,
-    MaintenanceTable,
-    ProfileTable,
-    ReferenceTable,
-    RunTable,
-    ScenarioTable,
-    TrackTable,
-    TrainTable,
-    VariantTable,
-    VehicleTable,
-)
+from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
+from mcsettle.study.schema.profile import ProfileTable
+from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
+from mcsettle.study.schema.run import LimitTable, RunTable
+from mcsettle.study.schema.track import TrackTable
+from mcsettle.study.schema.traffic import ScenarioTable, TrainTable, VehicleTable
+from mcsettle.study.schema.variants import VariantTable
 
 
 @dataclass(frozen=True)

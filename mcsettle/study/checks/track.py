@@ -5,16 +5,14 @@ from collections.abc import Iterator, Mapping
 from mcsettle.railway.track import TRACKS, Track
 from mcsettle.study.attributes import described
 from mcsettle.study.build import CURVE_PATHS, LAYER_PATHS, build_track, layer_names
+from mcsettle.study.checks.parts import Parts
 from mcsettle.study.faults import Fault, dotted, shown, suggestion
-from mcsettle.study.parts import Parts
-from mcsettle.study.schema import (
-    LayerTable,
-    TrackTable,
-    VariantTable,
-)
+from mcsettle.study.schema.track import LayerTable, TrackTable
+from mcsettle.study.schema.variants import VariantTable
 
 
-def _geometry(parts: Parts) -> Iterator[Fault]:
+def track_faults(parts: Parts) -> Iterator[Fault]:
+    """Presets, keys and layers of ``[track]`` that do not go together, or give no track."""
     if parts.track is None:
         return
     table = parts.track
@@ -46,7 +44,7 @@ def _geometry(parts: Parts) -> Iterator[Fault]:
             yield from _buildable(path, table, variant)
 
 
-def _model_forms(parts: Parts) -> Iterator[Fault]:
+def variant_faults(parts: Parts) -> Iterator[Fault]:
     """What a variant may vary of the profile and the damping, and where that has no meaning."""
     for index, variant in parts.variants.items():
         path = dotted(("variants", index))
@@ -124,7 +122,8 @@ def _buildable(path: str, table: TrackTable, variant: VariantTable | None) -> It
         yield Fault(path, str(error))
 
 
-def _sound_track(parts: Parts) -> Track | None:
+def valid_track(parts: Parts) -> Track | None:
+    """The track of the study; None where it cannot be built."""
     if parts.track is None:
         return None
     try:

@@ -1,39 +1,12 @@
-"""``[[observed]]`` of a study: what is known of the line itself, and checks.
-
-An observation is the SD of one section on a day, or a tamping interval: of one section, or the median of
-several. Observations do not decide the rows of a run; they weight its parameter sets (``observed``).
-"""
+"""Observations of the line: each an SD on a day or a tamping interval, within the horizon."""
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated
 
-from pydantic import Field
-
-from mcsettle.study import quantities as u
 from mcsettle.study.faults import Fault, dotted, suggestion
-from mcsettle.study.schema import Name, Table, Text
+from mcsettle.study.schema.observed import ObservedTable
 
 _SD = ("day", "sd_mm", "sd_error_mm")
 _INTERVAL = ("tamping_interval_days", "error_days")
-
-
-class ObservedTable(Table):
-    """``[[observed]]``: the SD of a section on a day, or a tamping interval, with its error."""
-
-    scenario: Name
-    section: Annotated[str, Field(max_length=200)] = ""
-    day: u.Days | None = None
-    sd_mm: Annotated[u.Millimetres, Field(le=100)] | None = None
-    sd_error_mm: Annotated[u.Millimetres, Field(le=100)] | None = None
-    tamping_interval_days: Annotated[u.Days, Field(gt=0)] | None = None
-    error_days: Annotated[u.Days, Field(gt=0)] | None = None
-    sections: Annotated[int, Field(ge=1, le=1_000_000)] = 1
-    source: Text = ""
-
-    @property
-    def is_interval(self) -> bool:
-        """Whether a tamping interval was observed, and no SD."""
-        return self.tamping_interval_days is not None
 
 
 def observed_faults(

@@ -1,0 +1,37 @@
+"""``[economics]`` and ``[maintenance]``: what is compared, what a tamping costs and leaves."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from mcsettle.study.schema.base import Cycles, Name, Positive, Table
+from mcsettle.study.schema.quantities import Millimetres, Speed, Years, quantity
+
+
+class EconomicsTable(Table):
+    """``[economics]``: what is compared with what, and at which cost (Eqs 4–9)."""
+
+    effect: Literal["speed", "tonnage"]
+    baseline: Name
+    tamping_cost_gbp_per_track_km: Positive = 5625.0
+    discount_rate: Annotated[float, Field(gt=0, lt=1)] = 0.035
+    base_speed_kmh: Speed | None = None
+    trains_thousand_per_year: Positive | None = None
+    mgt_per_day: Positive | None = None
+    price_base_year: Annotated[int, Field(ge=1900, le=2200)] | None = None
+
+
+class MaintenanceTable(Table):
+    """``[maintenance]``: what a tamping leaves, again and again, to renewal."""
+
+    recovery: Literal["perfect", "linear"]
+    intercept_mm: Annotated[float, quantity("mm"), Field(ge=0, le=50)] | None = None
+    slope: Annotated[float, Field(ge=0, lt=1)] | None = None
+    scatter_mm: Annotated[float, quantity("mm"), Field(ge=0, le=10)] = 0.0
+    floor_mm: Annotated[Millimetres, Field(le=50)] = 0.1
+    shape: Literal["scaled", "initial", "redrawn"] = "scaled"
+    damage_per_tamping: Annotated[float, Field(ge=0, le=10)] = 0.0
+    ballast_cycles_after: Cycles | None = None
+    ground_renewed: bool = False
+    cycles: Annotated[int, Field(ge=1, le=200)] = 20
+    renewal_years: Annotated[Years, Field(le=200)] | None = None
