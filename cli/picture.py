@@ -32,7 +32,7 @@ def draw(results: "Results", rows: "list[SummaryRow]", folder: Path, path: Path)
     from mcsettle.report.figures.style import save
     from mcsettle.report.material import Material
     from mcsettle.report.words import unit_words
-    from mcsettle.storage.store import read_provenance
+    from mcsettle.storage.provenance import read_provenance
 
     variant = results.study.variants[0]
     material = Material(results, tuple(rows), read_provenance(folder), variant.name)

@@ -9,6 +9,8 @@ import numpy as np
 from mcsettle.economics import paired_effects
 from mcsettle.run import columns as rows
 from mcsettle.storage import store
+from mcsettle.storage.files import write_text
+from mcsettle.storage.provenance import Provenance
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import Study, resolved_toml
 
@@ -44,9 +46,9 @@ def tonnage_study(**changes: Any) -> Study:
 
 def write(folder: Path, made: Study, days: dict[str, Any], failed: tuple[int, ...] = ()) -> Path:
     """A run of ``made`` in ``folder``: ``days`` by scenario, NaN where the horizon came first."""
-    provenance = store.Provenance("0", made.digest, "0" * 64, made.seed, "1.7.4", "f64", 8)
+    provenance = Provenance("0", made.digest, "0" * 64, made.seed, "1.7.4", "f64", 8)
     store.prepare(folder, provenance)
-    store.write_text(folder, "study.toml", resolved_toml(made))
+    write_text(folder, "study.toml", resolved_toml(made))
     values = {name: np.asarray(d, dtype=float) for name, d in days.items()}
     bad = np.isin(np.arange(len(next(iter(values.values())))), failed)
     values = {name: np.where(bad, np.nan, d) for name, d in values.items()}

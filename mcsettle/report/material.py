@@ -9,7 +9,7 @@ import pandas as pd
 
 from mcsettle.analysis.table4 import Increase
 from mcsettle.analysis.track_case import TrackCase
-from mcsettle.storage import store
+from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.study.study import Study
 from mcsettle.summary.results import Results, read_results
 from mcsettle.summary.summary import SummaryRow, summary_rows
@@ -29,7 +29,7 @@ class Material:
 
     results: Results
     rows: tuple[SummaryRow, ...]
-    provenance: store.Provenance
+    provenance: Provenance
     variant: str
     miles: bool = False
     step_a: StepAPart | None = None
@@ -94,7 +94,7 @@ def read_material(folder: Path, variant: str | None = None, miles: bool = False)
     results = read_results(folder)
     name = results.study.variant(variant).name if variant else results.study.variant_names[0]
     rows = tuple(summary_rows(results))
-    return Material(results, rows, store.read_provenance(folder), name, miles)
+    return Material(results, rows, read_provenance(folder), name, miles)
 
 
 def rows_digest(table: pd.DataFrame) -> str:

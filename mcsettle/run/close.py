@@ -18,6 +18,8 @@ from mcsettle.run.shards import Shard, all_shards, index_ranges
 from mcsettle.run.status import Fault, Survey, held_shards, refuse_smaller, strays, survey
 from mcsettle.storage import lock, shard_record, store
 from mcsettle.storage.location import Place, Where, place
+from mcsettle.storage.manifest import MANIFEST
+from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study
 from mcsettle.summary.results import read_results, study_of
@@ -36,7 +38,7 @@ def gather(folder: Where, take_over: bool = False) -> Survey:
         it is no results folder.
     """
     at = place(folder)
-    store.read_provenance(at)  # before anything is written there
+    read_provenance(at)  # before anything is written there
     with lock.held(at, "gather", take_over):
         found = survey(at)
         bad = [fault for fault in found.faults if fault.state != "failed"]
@@ -49,10 +51,10 @@ def gather(folder: Where, take_over: bool = False) -> Survey:
 
 
 def close(
-    at: Place, study: Study, members: list[ParameterSet], provenance: store.Provenance
+    at: Place, study: Study, members: list[ParameterSet], provenance: Provenance
 ) -> list[str]:
     """Write the tables that follow from whole shards, and the manifest, last; returns remarks."""
-    at.remove(store.MANIFEST)
+    at.remove(MANIFEST)
     at.sweep()
     shards = all_shards(study, provenance.shard_realisations)
     for name in _superseded(at, shards):  # first: the effects pair rows of one run only
@@ -89,7 +91,7 @@ def _superseded(at: Place, shards: list[Shard]) -> set[str]:
 
 
 def _write_parameters(
-    at: Place, study: Study, members: list[ParameterSet], provenance: store.Provenance
+    at: Place, study: Study, members: list[ParameterSet], provenance: Provenance
 ) -> None:
     """The table ``parameters`` of a study with uncertain inputs."""
     if not study.nested:
@@ -103,7 +105,7 @@ def _write_parameters(
 
 
 def _write_weights(
-    at: Place, study: Study, fits: dict[int, dict[str, Fit]], provenance: store.Provenance
+    at: Place, study: Study, fits: dict[int, dict[str, Fit]], provenance: Provenance
 ) -> list[str]:
     """The table ``weights`` of a study with observations; remarks on it."""
     name = "weights.parquet"
@@ -125,7 +127,7 @@ def _write_weights(
 
 
 def _write_effects(
-    at: Place, study: Study, members: list[ParameterSet], provenance: store.Provenance
+    at: Place, study: Study, members: list[ParameterSet], provenance: Provenance
 ) -> None:
     """Pair every scenario with the baseline, realisation by realisation."""
     if study.economics is None:
@@ -169,7 +171,7 @@ def _effects(
     )
 
 
-def _write_summary(at: Place, study: Study, provenance: store.Provenance) -> None:
+def _write_summary(at: Place, study: Study, provenance: Provenance) -> None:
     """The table ``summary``: every number of the summary with its error."""
     results = read_results(at, finished=False)
     columns = summary_columns(summary_rows(results))

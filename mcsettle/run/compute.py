@@ -28,6 +28,7 @@ from mcsettle.step_b.pointwise import LARGEST_EXPONENT
 from mcsettle.step_b.sd_map import roughness
 from mcsettle.storage import shard_record, store
 from mcsettle.storage.location import Folder, Place
+from mcsettle.storage.provenance import Provenance
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.study import Study, study_wavenumbers
 from mcsettle.types import Progress
@@ -43,7 +44,7 @@ class Job:
 
     study: Study
     at: Place
-    provenance: store.Provenance
+    provenance: Provenance
     threads: int | None = None
     batch: int | None = None
     progress: Progress | None = None

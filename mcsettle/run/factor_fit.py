@@ -25,7 +25,7 @@ from mcsettle.step_b import engine
 from mcsettle.step_b.case import Case, Outcome
 from mcsettle.storage import store
 from mcsettle.storage.location import Place
-from mcsettle.storage.store import Provenance
+from mcsettle.storage.provenance import Provenance
 from mcsettle.study.distributions import Distribution
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.schema.observed import ObservedTable
@@ -46,7 +46,7 @@ class Fit:
 
 
 def write_fits(
-    at: Place, study: Study, index: int, fits: Mapping[str, Fit], provenance: store.Provenance
+    at: Place, study: Study, index: int, fits: Mapping[str, Fit], provenance: Provenance
 ) -> None:
     """Write the fits of one parameter set, by variant."""
     logs = [fit.log_evidence for fit in fits.values()]

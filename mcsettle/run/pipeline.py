@@ -19,6 +19,14 @@ from mcsettle.run.status import held_shards, refuse_smaller
 from mcsettle.run.transfers import Shelf, StepA, step_a
 from mcsettle.storage import lock, store
 from mcsettle.storage.location import Place, Where, place
+from mcsettle.storage.provenance import (
+    LARGEST_TEXT,
+    SHARD,
+    Provenance,
+    provenance_of,
+    refuse_difference,
+    same_study,
+)
 from mcsettle.storage.shard_record import read_record
 from mcsettle.storage.tables import TABLES
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
@@ -27,8 +35,6 @@ from mcsettle.summary.results import STUDY_FILE, study_of
 from mcsettle.types import Progress
 
 __all__ = ["Finished", "build_case", "initial_profiles", "run_study", "sample_days"]
-
-SHARD = store.SHARD
 
 
 @dataclass(frozen=True)
@@ -142,7 +148,7 @@ def prepare(
     from mcsettle.kernels import runtime
 
     members = all_sets(study)
-    held = store.provenance_of(at)
+    held = provenance_of(at)
     size = shard_size or (SHARD if held is None else held.shard_realisations)
     shards = slice_of(all_shards(study, size), part)
     shelf = Shelf.of(study) if study.nested else None
@@ -153,7 +159,7 @@ def prepare(
     if start:  # before anything starts it with other threads
         runtime.start(threads)
     provenance = _provenance(study, central, size)
-    store.same_study(at, provenance)
+    same_study(at, provenance)
     remarks, held_now = list(central.remarks), held_shards(at)
     job = Job(study, at, provenance, threads, batch, progress, remarks, held_now)
     refuse_smaller(at, job.held, study)
@@ -174,9 +180,9 @@ def refuse_foreign(at: Place, study: Study) -> None:
     InputError
         The message names the differences.
     """
-    held = store.provenance_of(at)
+    held = provenance_of(at)
     if held is not None:
-        store.refuse_difference(
+        refuse_difference(
             {"study_digest": held.study_digest, "seed": held.seed},
             {"study_digest": study.digest, "seed": study.seed},
             f"'{at}'",
@@ -188,7 +194,7 @@ def _write_study(at: Place, study: Study, part: Slice | None) -> None:
     """The study beside its results; slices that run side by side have to agree on it."""
     text = resolved_toml(study)
     try:
-        held = at.text(STUDY_FILE, store.LARGEST_TEXT)
+        held = at.text(STUDY_FILE, LARGEST_TEXT)
     except FileNotFoundError:
         held = ""
     if part is not None and held:
@@ -206,10 +212,10 @@ def _write_study(at: Place, study: Study, part: Slice | None) -> None:
             at.write(name, path.read_bytes())
 
 
-def _provenance(study: Study, prepared: StepA, size: int) -> store.Provenance:
+def _provenance(study: Study, prepared: StepA, size: int) -> Provenance:
     from mcsettle.kernels import runtime, spectral
 
-    return store.Provenance(
+    return Provenance(
         package_version=mcsettle.__version__,
         study_digest=study.digest,
         transfer_digest=prepared.digest,

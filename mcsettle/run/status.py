@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import mcsettle
 from mcsettle.errors import InputError
 from mcsettle.run.shards import Shard, all_shards
-from mcsettle.storage import lock, shard_record, store
+from mcsettle.storage import lock, manifest, shard_record
 from mcsettle.storage.location import Place, Where, place
+from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.study.study import Study
 from mcsettle.summary.results import STUDY_FILE, study_of
 
@@ -30,7 +31,7 @@ class Survey:
     """
 
     folder: str
-    provenance: store.Provenance
+    provenance: Provenance
     realisations: int
     parameter_sets: int
     shards: dict[tuple[str, str], int]
@@ -62,7 +63,7 @@ def survey(folder: Where) -> Survey:
         It is no results folder, or its study cannot be read.
     """
     at = place(folder)
-    provenance, study = store.read_provenance(at), study_of(at)
+    provenance, study = read_provenance(at), study_of(at)
     _refuse_other(at, provenance, study)
     shards = all_shards(study, provenance.shard_realisations)
     total, whole = dict[tuple[str, str], int](), dict[tuple[str, str], int]()
@@ -122,7 +123,7 @@ def refuse_smaller(at: Place, held: set[str], study: Study) -> None:
             )
 
 
-def _fault(at: Place, shard: Shard, provenance: store.Provenance, listed: bool) -> Fault | int:
+def _fault(at: Place, shard: Shard, provenance: Provenance, listed: bool) -> Fault | int:
     """What is wrong with a shard, or how many of its rows failed."""
     found = shard_record.read_record(at, shard.name, provenance) if listed else None
     if found is None:
@@ -136,13 +137,13 @@ def _fault(at: Place, shard: Shard, provenance: store.Provenance, listed: bool) 
 
 def _is_finished(at: Place) -> tuple[bool, str]:
     try:
-        store.verify(at)
+        manifest.verify(at)
     except InputError as error:
         return False, str(error)
     return True, ""
 
 
-def _refuse_other(at: Place, provenance: store.Provenance, study: Study) -> None:
+def _refuse_other(at: Place, provenance: Provenance, study: Study) -> None:
     """Refuse a folder whose study is not the one its provenance names, or of another version."""
     if study.digest != provenance.study_digest:
         raise InputError(

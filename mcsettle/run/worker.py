@@ -24,9 +24,9 @@ from mcsettle.run.status import held_shards
 from mcsettle.run.transfers import Shelf, StepA, step_a
 from mcsettle.step_a.transfer_file import load, save
 from mcsettle.step_b.engine import Engine
-from mcsettle.storage import store
 from mcsettle.storage.files import cache_folder
 from mcsettle.storage.location import Place, place
+from mcsettle.storage.provenance import read_json, read_provenance
 from mcsettle.storage.shard_record import read_record
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.summary.results import study_of
@@ -152,7 +152,7 @@ def read_step_a(at: Place) -> StepA:
         It is missing or damaged.
     """
     try:
-        index = store.read_json(at, INDEX, LARGEST_INDEX)
+        index = read_json(at, INDEX, LARGEST_INDEX)
         found = {}
         with tempfile.TemporaryDirectory() as folder:
             for digest in {d for part in index.values() for group in part.values() for d in group}:
@@ -177,7 +177,7 @@ def _set_up(order: Order) -> Bench:
 
     _own_kernels()
     at = place(order.where)
-    provenance, study = store.read_provenance(at), study_of(at)
+    provenance, study = read_provenance(at), study_of(at)
     seen = provenance.digest, study.run.realisations, study.n_sets
     if seen != order[1:4]:
         raise InputError(f"'{at}' is not the folder of this run as this worker sees it")

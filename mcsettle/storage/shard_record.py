@@ -17,6 +17,7 @@ from mcsettle.errors import InputError
 from mcsettle.storage import store
 from mcsettle.storage.location import Place
 from mcsettle.storage.parquet import decode
+from mcsettle.storage.provenance import Provenance, read_json
 
 RECORDS = ".shards"
 SHARDED = ("history", "realisations")  # in the order they are written
@@ -37,7 +38,7 @@ def write_shard(
     at: Place,
     name: str,
     tables: Mapping[str, Mapping[str, Any]],
-    provenance: store.Provenance,
+    provenance: Provenance,
     indices: range,
     failure: str = "",
 ) -> Record:
@@ -72,10 +73,10 @@ def record_name(name: str) -> str:
     return f"{RECORDS}/{name.removesuffix('.parquet')}.json"
 
 
-def read_record(at: Place, name: str, provenance: store.Provenance) -> Record | None:
+def read_record(at: Place, name: str, provenance: Provenance) -> Record | None:
     """The record of a shard; None where there is none, or none of this run."""
     try:
-        data = store.read_json(at, record_name(name), LARGEST)
+        data = read_json(at, record_name(name), LARGEST)
         if data["provenance"] != provenance.digest:
             return None
         digests = {table: str(data["sha256"][table]) for table in SHARDED}
@@ -107,7 +108,7 @@ def fault(at: Place, name: str, found: Record, rows: int) -> str | None:
     return None
 
 
-def is_whole(at: Place, name: str, provenance: store.Provenance, rows: int) -> bool:
+def is_whole(at: Place, name: str, provenance: Provenance, rows: int) -> bool:
     """Whether a shard is there, whole, and did not fail for good."""
     found = read_record(at, name, provenance)
     return found is not None and not found.failure and fault(at, name, found, rows) is None

@@ -23,22 +23,17 @@ import pyarrow as pa
 
 from mcsettle.errors import InputError
 from mcsettle.storage import parquet
-from mcsettle.storage.files import write_text as write_text
 from mcsettle.storage.location import Where, place
-from mcsettle.storage.manifest import FORMAT, listed_in, refuse_strays, sound, visible
-from mcsettle.storage.manifest import MANIFEST as MANIFEST
-from mcsettle.storage.manifest import is_finished as is_finished
-from mcsettle.storage.manifest import lists as lists
-from mcsettle.storage.manifest import verify as verify
-from mcsettle.storage.provenance import LARGEST_TEXT as LARGEST_TEXT
-from mcsettle.storage.provenance import PROVENANCE as PROVENANCE
-from mcsettle.storage.provenance import SHARD as SHARD
-from mcsettle.storage.provenance import Provenance as Provenance
-from mcsettle.storage.provenance import provenance_of as provenance_of
-from mcsettle.storage.provenance import read_json as read_json
-from mcsettle.storage.provenance import read_provenance as read_provenance
-from mcsettle.storage.provenance import refuse_difference as refuse_difference
-from mcsettle.storage.provenance import same_study as same_study
+from mcsettle.storage.manifest import FORMAT, MANIFEST, listed_in, refuse_strays, sound, visible
+from mcsettle.storage.provenance import (
+    LARGEST_TEXT,
+    PROVENANCE,
+    SHARD,
+    Provenance,
+    read_provenance,
+    refuse_difference,
+    same_study,
+)
 from mcsettle.storage.tables import TABLES, data_dictionary, schema_of
 
 Values = Sequence[Any] | np.ndarray
@@ -221,15 +216,6 @@ def shard_columns(folder: Where, table: str, name: str) -> dict[str, list[Any]]:
         place(folder).read(f"{table}/{name}"), f"{folder}/{table}/{name}"
     ).to_pydict()
     return columns
-
-
-def shard_rows(folder: Where, table: str, name: str) -> int | None:
-    """Rows of a shard that is there and sound, else None: what a resumed run has to repeat."""
-    at = place(folder)
-    try:
-        return int(parquet.decode(at.read(f"{table}/{name}"), name).num_rows)
-    except (FileNotFoundError, InputError):
-        return None
 
 
 def finish(folder: Where) -> None:

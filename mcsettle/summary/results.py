@@ -8,8 +8,9 @@ import pandas as pd
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.conditioning import Conditioning, InputBand, weighted_bands
-from mcsettle.storage import store
+from mcsettle.storage import manifest, store
 from mcsettle.storage.location import Folder, Place, Where, place
+from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.tables import input_column
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, study_from_text
@@ -78,7 +79,7 @@ def read_results(folder: Where, finished: bool = True) -> Results:
             f"{at} holds no finished run (realisations/ and {STUDY_FILE}); "
             f"'mcsettle run STUDY --out {at}' makes one"
         )
-    if finished and store.MANIFEST not in names:
+    if finished and MANIFEST not in names:
         raise InputError(
             f"{at} holds a run that is not finished; 'mcsettle status {at}' says what is missing, "
             "and the same run command goes on with it"
@@ -104,7 +105,7 @@ def study_of(folder: Where) -> Study:
 
 def _table(at: Place, name: str, names: set[str]) -> pd.DataFrame:
     """The table ``name`` of a run, empty where it was not written."""
-    if not any(held.startswith(f"{name}/") for held in names) and not store.lists(at, name):
+    if not any(held.startswith(f"{name}/") for held in names) and not manifest.lists(at, name):
         return pd.DataFrame()
     table: pd.DataFrame = store.read(at, name).to_pandas()
     return table

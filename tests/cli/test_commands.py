@@ -352,6 +352,8 @@ def results(tmp_path: Path) -> Path:
     import numpy as np
 
     from mcsettle.storage import store
+    from mcsettle.storage.files import write_text
+    from mcsettle.storage.provenance import Provenance
     from mcsettle.study.study import resolved_toml
 
     reference = {"metric": "tamping_interval_days", "scenario": "v201", "value": 697.0}
@@ -359,9 +361,9 @@ def results(tmp_path: Path) -> Path:
     data["reference"] = [reference | {"unit": "d", "source": "Table 3"}]
     study = Study.from_mapping(data)
     folder = tmp_path / "run"
-    provenance = store.Provenance("0", study.digest, "0", 1, "0", "f64", 1)
+    provenance = Provenance("0", study.digest, "0", 1, "0", "f64", 1)
     store.prepare(folder, provenance)
-    store.write_text(folder, "study.toml", resolved_toml(study))
+    write_text(folder, "study.toml", resolved_toml(study))
     n = 20
     days = {"v201": np.linspace(500.0, 880.0, n), "v225": np.linspace(400.0, 780.0, n)}
     days["v225"][-2:] = np.nan

@@ -35,7 +35,9 @@ from mcsettle.run.pipeline import run_study
 from mcsettle.run.status import survey
 from mcsettle.step_a.fem25d.cache import read_arrays, write_arrays
 from mcsettle.step_a.transfer_file import load, save
-from mcsettle.storage import parquet, shard_record, store
+from mcsettle.storage import parquet, shard_record
+from mcsettle.storage.manifest import MANIFEST
+from mcsettle.storage.provenance import PROVENANCE
 from mcsettle.study.study import Study, load_study, resolved_toml, study_from_text
 from mcsettle.summary.results import read_results
 
@@ -263,7 +265,7 @@ def fuzz_folders(results: Path, folder: Path, cases: int, start: int) -> None:
 def compared(folder: Path, whole, close: bool) -> None:
     """Readers and ``survey``; with ``close`` the manifest is taken away and the run closed again."""
     if close:
-        (folder / store.MANIFEST).unlink(missing_ok=True)
+        (folder / MANIFEST).unlink(missing_ok=True)
         with contextlib.suppress(InputError):
             gather(folder)
     with contextlib.suppress(InputError):
@@ -315,7 +317,7 @@ def test_hostile_json(results, tmp_path, text):
     folder = tmp_path / "copy"
     shutil.copytree(results, folder)
     shard = next((folder / shard_record.RECORDS).iterdir())
-    for path in (folder / store.MANIFEST, folder / store.PROVENANCE, shard):
+    for path in (folder / MANIFEST, folder / PROVENANCE, shard):
         kept = path.read_bytes()
         path.write_text(text, encoding="utf-8")
         for read in (survey, read_results):

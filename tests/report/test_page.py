@@ -347,13 +347,14 @@ def invoke(*arguments):
 
 
 def test_report_command_writes_beside_the_folder(speed_run: Path, tmp_path: Path) -> None:
-    from mcsettle.storage import store
+
+    from mcsettle.storage import manifest
 
     done = invoke("report", speed_run, "--no-step-a")
     assert done.exit_code == 0, done.output
     target = speed_run.with_name(speed_run.name + ".html")
     assert target.read_text(encoding="utf-8") == page_of(speed_run)
-    store.verify(speed_run)  # nothing was added to the results
+    manifest.verify(speed_run)  # nothing was added to the results
     pictures, text = tmp_path / "pictures", tmp_path / "tables.md"
     done = invoke("report", speed_run, "--no-step-a", "--out", tmp_path / "a.html", "--figures",
                   pictures, "--markdown", text)  # fmt: skip

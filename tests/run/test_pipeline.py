@@ -14,7 +14,7 @@ from mcsettle.run.pipeline import build_case, initial_profiles, run_study, sampl
 from mcsettle.run.transfers import step_a
 from mcsettle.step_a import critical_speed
 from mcsettle.step_b.engine import Engine
-from mcsettle.storage import store
+from mcsettle.storage import manifest, store
 from mcsettle.study.study import load_study, resolved_toml
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -67,7 +67,9 @@ def test_every_file_is_there_and_whole(finished):
     assert {n for n in names if n.startswith("effects/")} == {
         f"effects/{s}" for s in shards if "v225" in s
     }
-    assert store.verify(finished.folder) == len([n for n in names if n[0] != "."]) - 1  # but itself
+    assert (
+        manifest.verify(finished.folder) == len([n for n in names if n[0] != "."]) - 1
+    )  # but itself
     assert {"study.toml", "provenance.json", "data_dictionary.csv", "manifest.json"} <= names
 
 

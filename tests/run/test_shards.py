@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import filelock
 import pytest
 import toy
 from hypothesis import given
@@ -23,7 +24,7 @@ from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import Slice, all_shards, estimated_bytes, n_shards, parse_slice, slice_of
 from mcsettle.run.status import survey
 from mcsettle.step_b.engine import Engine
-from mcsettle.storage import lock, store
+from mcsettle.storage import lock, manifest, store
 from mcsettle.storage.location import place
 from mcsettle.storage.shard_record import record_name
 from mcsettle.summary.results import read_results
@@ -221,9 +222,12 @@ def test_out_of_memory_takes_a_smaller_batch_once(study, whole, tmp_path, monkey
 # --- locks ----------------------------------------------------------------------------------------
 
 
-def put(folder: Path, owner: lock.Owner) -> Path:
+def put(folder: Path, owner: lock.Owner, unlocked: bool = False) -> Path:
+    """The lock of ``owner``; ``unlocked``: with the file whose lock has died with it."""
     path = folder / lock.LOCKS / f"{owner.host}-{owner.pid}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
+    if unlocked:
+        path.with_suffix(".lock").touch()
     path.write_text(json.dumps(vars(owner)), encoding="utf-8")
     return path
 
@@ -251,31 +255,87 @@ def test_slices_work_side_by_side(study, tmp_path):
         run_study(study, tmp_path)
 
 
-def test_the_lock_of_a_dead_process_is_taken_over(tmp_path):
+def test_the_lock_of_a_dead_process_is_taken_over(tmp_path, monkeypatch):
     dead = subprocess.run(
         [sys.executable, "-c", "import os; print(os.getpid())"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
+    monkeypatch.setattr(lock, "_first_line", lambda path: path)
     me = lock.myself("run")
     gone = replace(me, pid=int(dead.stdout))
     reused = replace(me, ticks=me.ticks - 1)  # an earlier process of the same number
     rebooted = replace(me, boot="another")
-    for owner in (gone, reused, rebooted):
-        path = put(tmp_path, owner)
-        assert lock.is_dead(owner)
+    contained = replace(me, namespace="another", pid=1)
+    for owner in (gone, reused, rebooted, contained):
+        path = put(tmp_path, owner, unlocked=True)
+        assert lock.owners(place(tmp_path)) == []
         with lock.held(place(tmp_path), "run"):
             assert not path.exists()
-    assert lock.owners(place(tmp_path)) == []
+        assert [p.name for p in (tmp_path / lock.LOCKS).iterdir()] == ["gate"]
 
 
-def test_a_lock_of_another_host_stays_until_it_is_taken_over(tmp_path):
-    other = replace(lock.myself("run"), host="elsewhere")
-    path = put(tmp_path, other)
-    refused = pytest.raises(InputError, match=r"on elsewhere.*--take-over")
+def test_a_zombie_is_dead():
+    pid = os.fork()
+    if pid == 0:
+        os._exit(0)
+    try:
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+        assert lock._ticks(pid) is None
+    finally:
+        os.waitpid(pid, 0)
+
+
+def others() -> dict[str, lock.Owner]:
+    """Runs whose process this one cannot ask."""
+    me = replace(lock.myself("run"), pid=1, ticks=1)
+    return {
+        "another host": replace(me, host="elsewhere", boot="another"),
+        "another container": replace(me, namespace="another"),
+        "a machine of the same name": replace(me, boot="another", machine="another"),
+        "an older version": replace(me, machine="", namespace=""),
+    }
+
+
+@pytest.mark.parametrize("kind", others())
+def test_a_lock_that_cannot_be_told_stays_until_it_is_taken_over(tmp_path, kind):
+    path = put(tmp_path, others()[kind], unlocked=kind == "a machine of the same name")
+    refused = pytest.raises(InputError, match=r"in use by process 1 on .*--take-over")
     with refused, lock.held(place(tmp_path), "run"):
         raise AssertionError
+    assert len(lock.owners(place(tmp_path))) == 1
     with lock.held(place(tmp_path), "run", take_over=True):
         assert not path.exists()
+
+
+def test_a_living_run_of_another_container_keeps_its_lock(tmp_path):
+    """Same kernel, another PID namespace: the operating system's lock tells, and is never taken."""
+    owner = others()["another container"]
+    path = put(tmp_path, owner, unlocked=True)
+    with filelock.FileLock(path.with_suffix(".lock")):
+        assert lock.owners(place(tmp_path)) == [owner]
+        for take_over in (False, True):
+            refused = pytest.raises(InputError, match="in use by process 1 on ")
+            with refused, lock.held(place(tmp_path), "run", take_over):
+                raise AssertionError
+    with lock.held(place(tmp_path), "run"):
+        assert not path.exists()
+
+
+def test_a_run_keeps_the_lock_of_its_file(tmp_path):
+    """What another container asks is there while the run works, and is gone with it."""
+    with lock.held(place(tmp_path), "run"):
+        (file,) = (tmp_path / lock.LOCKS).glob("*.lock")
+        with pytest.raises(filelock.Timeout):
+            filelock.FileLock(file).acquire(timeout=0)
+    assert [p.name for p in (tmp_path / lock.LOCKS).iterdir()] == ["gate"]
+
+
+def test_a_gate_that_is_kept_shut_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(lock, "GATE_PATIENCE", 0.1)
+    with lock._gate(place(tmp_path)):
+        refused = pytest.raises(InputError, match=r"gate' has been locked for 0\.1 s by a process")
+        with refused, lock.held(place(tmp_path), "run"):
+            raise AssertionError
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"role": 1}', "[" * 100_000])
@@ -294,4 +354,4 @@ def test_nothing_depends_on_the_clock(study, whole, tmp_path, monkeypatch):
     monkeypatch.setattr(compute.time, "monotonic", iter(range(10**9, 0, -1)).__next__)
     run_study(study, tmp_path)
     assert everything(tmp_path) == everything(whole)
-    assert store.verify(tmp_path)
+    assert manifest.verify(tmp_path)

@@ -12,10 +12,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from mcsettle.errors import InputError
-from mcsettle.storage import store
+from mcsettle.storage import manifest, store
+from mcsettle.storage.files import write_text
+from mcsettle.storage.provenance import Provenance
 from mcsettle.storage.tables import TABLES
 
-PROVENANCE = store.Provenance(
+PROVENANCE = Provenance(
     package_version="1.0.0",
     study_digest="ab" * 32,
     transfer_digest="cd" * 32,
@@ -148,20 +150,18 @@ def test_data_dictionary_holds_every_column(folder):
 
 
 def test_manifest_counts_rows_and_verifies(folder):
-    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    assert sum(f.get("rows", 0) for f in manifest["files"]) == 30
-    assert manifest["provenance"]["seed"] == 7
-    assert store.verify(folder) == 6
+    listed = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    assert sum(f.get("rows", 0) for f in listed["files"]) == 30
+    assert listed["provenance"]["seed"] == 7
+    assert manifest.verify(folder) == 6
 
 
 def test_damaged_file_is_named(folder):
     path = folder / "realisations" / store.shard_name("base", "B", 10, 14)
     path.write_bytes(path.read_bytes()[:-20])
-    for check in (store.verify, lambda f: store.read(f, "realisations"), store.finish):
+    for check in (manifest.verify, lambda f: store.read(f, "realisations"), store.finish):
         with pytest.raises(InputError, match=r"base--B--00000010-00000014.*damaged"):
             check(folder)
-    assert store.shard_rows(folder, "realisations", path.name) is None
-    assert store.shard_rows(folder, "realisations", store.shard_name("base", "A", 0, 9)) == 10
 
 
 def test_missing_and_stray_files_are_named(folder):
@@ -171,11 +171,11 @@ def test_missing_and_stray_files_are_named(folder):
     with pytest.raises(InputError, match=r"notes\.txt"):
         store.read(folder, "realisations")
     with pytest.raises(InputError, match=r"notes\.txt' is not in the manifest"):
-        store.verify(folder)
+        manifest.verify(folder)
     stray.unlink()
     path.unlink()
     with pytest.raises(InputError, match=r"00000000-00000009.*missing"):
-        store.verify(folder)
+        manifest.verify(folder)
 
 
 def test_overlapping_shards_are_refused(folder):
@@ -186,14 +186,14 @@ def test_overlapping_shards_are_refused(folder):
 
 
 def test_another_study_is_refused_with_the_difference(folder):
-    other = store.Provenance(**{**vars(PROVENANCE), "study_digest": "ef", "seed": 8})
+    other = Provenance(**{**vars(PROVENANCE), "study_digest": "ef", "seed": 8})
     with pytest.raises(InputError, match=f"study digest {'ab' * 32} where this run has ef; seed 7"):
         store.prepare(folder, other)
-    assert store.verify(folder) == 6  # refused before anything was touched
+    assert manifest.verify(folder) == 6  # refused before anything was touched
 
 
 def test_shard_of_another_study_is_refused(folder):
-    other = store.Provenance(**{**vars(PROVENANCE), "transfer_digest": "ef"})
+    other = Provenance(**{**vars(PROVENANCE), "transfer_digest": "ef"})
     name = store.shard_name("base", "C", 0, 4)
     store.prepare(folder, PROVENANCE)
     store.write(folder, "realisations", name, realisations(0, 4, "C"), other, 0, 4)
@@ -204,9 +204,9 @@ def test_shard_of_another_study_is_refused(folder):
 def test_resuming_takes_the_manifest_away(folder):
     store.prepare(folder, PROVENANCE)
     with pytest.raises(InputError, match="not complete"):
-        store.verify(folder)
+        manifest.verify(folder)
     store.finish(folder)
-    assert store.verify(folder) == 6
+    assert manifest.verify(folder) == 6
 
 
 def test_failed_write_leaves_the_old_file(folder, monkeypatch):
@@ -231,7 +231,7 @@ def test_unwritable_folder_is_an_input_error(tmp_path):
 
 
 def test_text_is_saved_as_given(tmp_path):
-    path = store.write_text(tmp_path, "study.toml", "title = 'déjà vu'\n")
+    path = write_text(tmp_path, "study.toml", "title = 'déjà vu'\n")
     assert path.read_bytes() == "title = 'déjà vu'\n".encode()
 
 
