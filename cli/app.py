@@ -96,7 +96,7 @@ def schema() -> None:
     """Print the JSON Schema of study files, for editors."""
     import json
 
-    from mcsettle.study.study import json_schema
+    from mcsettle.study.schema.study import json_schema
 
     typer.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 

@@ -15,6 +15,7 @@ from mcsettle.study.schema.grounds import GroundsTable, SoilTable
 from mcsettle.study.schema.profile import ProfileTable, RecordTable
 from mcsettle.study.schema.published import METRICS, CalibrationTable, ReferenceTable
 from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
+from mcsettle.study.schema.study import json_schema
 from mcsettle.study.schema.track import (
     GroundTable,
     LayerTable,
@@ -35,7 +36,7 @@ from mcsettle.study.schema.traffic import (
 )
 from mcsettle.study.schema.uncertain import CorrelationTable, UncertainTable
 from mcsettle.study.schema.variants import VariantTable
-from mcsettle.study.study import Study, json_schema
+from mcsettle.study.study import Study
 
 ROOT = Path(__file__).resolve().parents[1]
 GUIDE = "\n".join(

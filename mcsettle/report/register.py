@@ -23,7 +23,8 @@ from mcsettle.study.schema.profile import ProfileTable
 from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
 from mcsettle.study.schema.track import SofteningTable, TrackTable
 from mcsettle.study.schema.traffic import TrainTable
-from mcsettle.study.study import Study, study_data
+from mcsettle.study.study import Study
+from mcsettle.study.written import study_data
 
 OMITTED = {
     "schema_version",

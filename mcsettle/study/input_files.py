@@ -1,14 +1,24 @@
-"""Files that a study names: where they may lie, and what they hold.
+"""Files that a study names: where they may lie, their digests, and what is read from them.
 
 A name starts from the study's own folder and stays inside it, links followed, unless the study says
 ``files_outside = true``: a study from elsewhere reads nothing that does not come with it.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
 from mcsettle.errors import InputError
+from mcsettle.railway.ground_profiles import Ground
+from mcsettle.railway.irregularity import wavenumbers
+from mcsettle.railway.measured_profiles import Record, prepared
 from mcsettle.railway.record import file_digest
+from mcsettle.study.build import build_grounds, build_record
+from mcsettle.study.faults import Fault
+from mcsettle.study.schema.grounds import GroundsTable
+from mcsettle.study.schema.profile import ProfileTable, RecordTable
+
+Locate = Callable[[str], Path]  # the path of a file by the name that the study gives it
 
 
 def input_file(folder: Path | None, name: str, outside: bool = False) -> Path:
@@ -61,3 +71,72 @@ def digest_of(path: Path, expected: str | None, missing: bool = True) -> str:
 def _digest(path: Path, size: int, modified: int) -> str:
     del size, modified  # they tell a changed file from the one that is known
     return file_digest(path)
+
+
+def profile_with_digest(profile: ProfileTable, locate: Locate) -> tuple[ProfileTable, list[Fault]]:
+    """``profile`` with the digest of the record it names, and the faults of that name."""
+    record = profile.record or RecordTable()
+    if profile.file is None:
+        return profile, []
+    try:
+        digest = digest_of(locate(profile.file), record.sha256)
+    except InputError as error:
+        return profile, [Fault("profile.file", str(error))]
+    update = {"record": record.model_copy(update={"sha256": digest})}
+    return profile.model_copy(update=update), []
+
+
+def grounds_with_digests(table: GroundsTable, locate: Locate) -> tuple[GroundsTable, list[Fault]]:
+    """``table`` with the digests of its two files, and the faults of their names."""
+    faults, digests = [], []
+    for place, key in enumerate(("layers", "weights")):
+        expected = table.sha256[place] if table.sha256 else None
+        try:
+            digests.append(digest_of(locate(getattr(table, key)), expected))
+        except InputError as error:
+            faults.append(Fault(f"grounds.{key}", str(error)))
+    return table.model_copy(update={"sha256": tuple(digests)}), faults
+
+
+def read_grounds(table: GroundsTable, locate: Locate) -> tuple[Ground, ...]:
+    """The grounds in the files of ``table``.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read or used.
+    """
+    paths = [locate(name) for name in (table.layers, table.weights)]
+    for path, digest in zip(paths, table.sha256 or (), strict=True):
+        digest_of(path, digest, missing=False)
+    return build_grounds(table, *paths)
+
+
+def read_record(profile: ProfileTable, locate: Locate) -> Record | None:
+    """The measured record of ``profile``, read, filtered and cut; None where there is none.
+
+    Raises
+    ------
+    InputError
+        The record cannot be read or used.
+    """
+    if profile.file is None or profile.record is None:
+        return None
+    path = locate(profile.file)
+    choice = build_record(profile, path, digest_of(path, profile.record.sha256, missing=False))
+    modes = wavenumbers(profile.window_m, profile.shortest_m, profile.longest_m)
+    try:
+        return prepared(choice, profile.window_m, modes)
+    except InputError as error:
+        raise InputError(f"profile.file '{profile.file}': {error}") from None
+
+
+def record_remarks(profile: ProfileTable, locate: Locate) -> list[str]:
+    """What is odd about the record of ``profile``, and what is done about it."""
+    record = read_record(profile, locate)
+    repairs = profile.record.repair if profile.record else ()
+    return [
+        f"profile.file: {finding.kind}: {finding.text}; "
+        + ("repaired, as asked for" if finding.kind in repairs else "left as they are")
+        for finding in (record.findings if record is not None else ())
+    ]

@@ -7,36 +7,11 @@ from typing import Any
 
 from mcsettle.errors import InputError
 from mcsettle.storage.files import read_regular
-from mcsettle.study.checks.parts import Parts
-from mcsettle.study.schema.base import Table
-from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
-from mcsettle.study.schema.profile import ProfileTable
-from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
-from mcsettle.study.schema.run import LimitTable
-from mcsettle.study.schema.track import TrackTable
-from mcsettle.study.schema.traffic import ScenarioTable, TrainTable, VehicleTable
-from mcsettle.study.schema.variants import VariantTable
 
 LARGEST_FILE = 1_000_000  # bytes
 MOST_DOTS = 2500  # in one line
 MOST_KEYS = 1000  # of one table: each is answered with the known key that is nearest
 DEEPEST = 12  # tables in one another; a study has half as many
-_SINGLE: Mapping[str, type[Table]] = {
-    "track": TrackTable,
-    "profile": ProfileTable,
-    "limit": LimitTable,
-    "economics": EconomicsTable,
-    "calibration": CalibrationTable,
-    "maintenance": MaintenanceTable,
-}
-_OPTIONAL = ("track", "profile")
-_MANY: Mapping[str, type[Table]] = {
-    "trains": TrainTable,
-    "vehicles": VehicleTable,
-    "scenarios": ScenarioTable,
-    "variants": VariantTable,
-    "reference": ReferenceTable,
-}
 
 
 def toml_data(path: Path) -> dict[str, Any]:
@@ -78,37 +53,6 @@ def with_tuples(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: with_tuples(inner) for key, inner in value.items()}
     return tuple(with_tuples(inner) for inner in value) if isinstance(value, list) else value
-
-
-def sound_parts(data: Mapping[str, Any], wrong: set[tuple[Any, ...]]) -> Parts:
-    """The tables of ``data`` that have no fault of their own (``wrong``: paths, two steps)."""
-    sound: dict[str, Any] = {
-        name: table.model_validate(data.get(name, {}))
-        for name, table in _SINGLE.items()
-        if not any(path[0] == name for path in wrong)
-        and (data.get(name) is not None or name in _OPTIONAL)
-    }
-    entries = {name: _entries(data, name) for name in _MANY}
-    for name, table in _MANY.items():
-        sound[name] = {
-            key: table.model_validate(entry)
-            for key, entry in entries[name].items()
-            if not {(name,), (name, key)} & wrong
-        }
-    sound["train_names"] = tuple(entries["trains"])
-    for kind in ("scenario", "variant"):
-        tables = [t for t in entries[f"{kind}s"].values() if isinstance(t, Mapping)]
-        sound[f"{kind}_names"] = tuple(str(t.get("name", "")) for t in tables)
-    return Parts(**sound)
-
-
-def _entries(data: Mapping[str, Any], name: str) -> Mapping[Any, Any]:
-    """Entries of a table or list of tables by key or index; empty where it is neither."""
-    value = data.get(name)
-    by_name = name in ("trains", "vehicles")
-    if isinstance(value, Mapping):
-        return value if by_name else {}
-    return dict(enumerate(value)) if isinstance(value, tuple) and not by_name else {}
 
 
 def _refuse_long_keys(text: str) -> None:

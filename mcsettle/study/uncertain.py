@@ -7,6 +7,7 @@ import numpy as np
 
 from mcsettle.errors import InputError
 from mcsettle.study.key_paths import replaced, steps_to, value_at
+from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.uncertain import CorrelationTable
 
 FACTOR = "settlement_factor"
@@ -60,3 +61,15 @@ def followers(variants: Sequence[Any], path: str) -> list[str]:
     if path == f"settlement.{FACTOR}":
         return [v.name for v in variants if getattr(v, FACTOR) is None]
     return [v.name for v in variants if path == f"variants.{v.name}.{FACTOR}"]
+
+
+def uncertain_settlement(study: StudyTables) -> set[str]:
+    """Keys of ``[settlement]`` that are uncertain: a variant without its own follows them."""
+    paths = (path.split(".") for entry in study.uncertain for path in entry.paths)
+    return {steps[1] for steps in paths if len(steps) == 2 and steps[0] == "settlement"}
+
+
+def has_uncertain_traffic(study: StudyTables) -> bool:
+    """Whether what the economics take from the timetable differs between parameter sets."""
+    roots = {path.split(".")[0] for entry in study.uncertain for path in entry.paths}
+    return bool(roots & {"trains", "scenarios"})

@@ -15,7 +15,8 @@ import pandas as pd
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.sample import effect_quantile, interval_quantile
-from mcsettle.study.study import Study, study_data
+from mcsettle.study.study import Study
+from mcsettle.study.written import study_data
 from mcsettle.summary.results import Results
 
 INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"

@@ -17,7 +17,8 @@ from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
 from mcsettle.report.material import read_material
 from mcsettle.report.register import entries
 from mcsettle.report.render import html, markdown
-from mcsettle.study.study import resolved_toml, study_data
+from mcsettle.study.study import resolved_toml
+from mcsettle.study.written import study_data
 
 DAYS = np.linspace(500.0, 900.0, 41)
 SPEED = {"v201": DAYS, "v225": 0.8 * DAYS}

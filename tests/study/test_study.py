@@ -23,7 +23,8 @@ from mcsettle.railway.track import (
 from mcsettle.railway.vehicle import FREIGHT, PASSENGER
 from mcsettle.run.scenario import initial_profiles, step_b_key
 from mcsettle.study.read import LARGEST_FILE
-from mcsettle.study.study import Study, json_schema, load_study, resolved_toml
+from mcsettle.study.schema.study import json_schema
+from mcsettle.study.study import Study, load_study, resolved_toml
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 

@@ -1,10 +1,12 @@
 """Names in a study: no two alike, and each that is referred to is there."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 from mcsettle.study.checks.parts import Parts
 from mcsettle.study.faults import Fault, dotted, shown, suggestion
+from mcsettle.study.key_paths import steps_to
 from mcsettle.study.schema.traffic import ScenarioTable
 from mcsettle.study.schema.variants import VariantTable
 
@@ -29,6 +31,15 @@ def name_faults(parts: Parts) -> Iterator[Fault]:
         if parts.calibration.variant is not None:
             name = parts.calibration.variant
             yield from _unknown("calibration.variant", "variant", name, parts.variant_names)
+
+
+def source_faults(data: Mapping[str, Any], paths: Iterable[str]) -> Iterator[Fault]:
+    """Key ``paths`` of ``[sources]`` that lead nowhere in the study ``data``."""
+    inputs = {key: value for key, value in data.items() if key != "sources"}
+    for path in paths:
+        if steps_to(inputs, path) is None:
+            said = "names no input of this study; give the path of a key or table"
+            yield Fault(f"sources.{path}", said)
 
 
 def _duplicates(

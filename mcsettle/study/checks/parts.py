@@ -2,19 +2,42 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
+from mcsettle.study.schema.base import Table
 from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
+from mcsettle.study.schema.grounds import GroundsTable
 from mcsettle.study.schema.profile import ProfileTable
 from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
 from mcsettle.study.schema.run import LimitTable, RunTable
+from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.track import TrackTable
 from mcsettle.study.schema.traffic import ScenarioTable, TrainTable, VehicleTable
 from mcsettle.study.schema.variants import VariantTable
 
+_SINGLE: Mapping[str, type[Table]] = {
+    "track": TrackTable,
+    "profile": ProfileTable,
+    "limit": LimitTable,
+    "economics": EconomicsTable,
+    "calibration": CalibrationTable,
+    "maintenance": MaintenanceTable,
+    "run": RunTable,
+    "grounds": GroundsTable,
+}
+_OPTIONAL = ("track", "profile", "run")
+_MANY: Mapping[str, type[Table]] = {
+    "trains": TrainTable,
+    "vehicles": VehicleTable,
+    "scenarios": ScenarioTable,
+    "variants": VariantTable,
+    "reference": ReferenceTable,
+}
+
 
 @dataclass(frozen=True)
 class Parts:
-    """The sound tables of a study; entries of lists keep their place in the file."""
+    """The valid tables of a study; entries of lists keep their place in the file."""
 
     track: TrackTable | None = None
     profile: ProfileTable | None = None
@@ -23,6 +46,7 @@ class Parts:
     calibration: CalibrationTable | None = None
     run: RunTable | None = None
     maintenance: MaintenanceTable | None = None
+    grounds: GroundsTable | None = None
     trains: Mapping[str, TrainTable] = field(default_factory=dict)
     vehicles: Mapping[str, VehicleTable] = field(default_factory=dict)
     train_names: tuple[str, ...] = ()
@@ -31,3 +55,56 @@ class Parts:
     scenarios: Mapping[int, ScenarioTable] = field(default_factory=dict)
     variants: Mapping[int, VariantTable] = field(default_factory=dict)
     reference: Mapping[int, ReferenceTable] = field(default_factory=dict)
+
+
+def parts_of(study: StudyTables) -> Parts:
+    """The parts of a study whose tables are all valid."""
+    return Parts(
+        track=study.track_table,
+        profile=study.profile,
+        limit=study.limit,
+        economics=study.economics,
+        calibration=study.calibration,
+        run=study.run,
+        maintenance=study.maintenance,
+        grounds=study.grounds_table,
+        trains=study.train_tables,
+        vehicles=study.vehicle_tables,
+        train_names=tuple(study.train_tables),
+        scenario_names=study.scenario_names,
+        variant_names=study.variant_names,
+        scenarios=dict(enumerate(study.scenarios)),
+        variants=dict(enumerate(study.variants)),
+        reference=dict(enumerate(study.reference)),
+    )
+
+
+def valid_parts(data: Mapping[str, Any], faulty: set[tuple[Any, ...]]) -> Parts:
+    """The tables of ``data`` that have no fault of their own (``faulty``: paths, two steps)."""
+    valid: dict[str, Any] = {
+        name: table.model_validate(data.get(name, {}))
+        for name, table in _SINGLE.items()
+        if not any(path[0] == name for path in faulty)
+        and (data.get(name) is not None or name in _OPTIONAL)
+    }
+    entries = {name: _entries(data, name) for name in _MANY}
+    for name, table in _MANY.items():
+        valid[name] = {
+            key: table.model_validate(entry)
+            for key, entry in entries[name].items()
+            if not {(name,), (name, key)} & faulty
+        }
+    valid["train_names"] = tuple(entries["trains"])
+    for kind in ("scenario", "variant"):
+        tables = [t for t in entries[f"{kind}s"].values() if isinstance(t, Mapping)]
+        valid[f"{kind}_names"] = tuple(str(t.get("name", "")) for t in tables)
+    return Parts(**valid)
+
+
+def _entries(data: Mapping[str, Any], name: str) -> Mapping[Any, Any]:
+    """Entries of a table or list of tables by key or index; empty where it is neither."""
+    value = data.get(name)
+    by_name = name in ("trains", "vehicles")
+    if isinstance(value, Mapping):
+        return value if by_name else {}
+    return dict(enumerate(value)) if isinstance(value, tuple) and not by_name else {}

@@ -14,6 +14,8 @@ def profile_faults(parts: Parts) -> Iterator[Fault]:
     if profile is None:
         return
     yield from _record(profile)
+    if parts.grounds is not None and profile.file is not None:
+        yield Fault("grounds", "cannot stand beside profile.file")
     if profile.longest_m <= profile.shortest_m:
         message = (
             f"received {profile.longest_m:g}; it must exceed shortest_m = {profile.shortest_m:g}"

@@ -6,6 +6,7 @@ from typing import Any
 from mcsettle.errors import InputError
 from mcsettle.study.faults import Fault, dotted, shown, suggestion
 from mcsettle.study.key_paths import is_number, number_paths, steps_to, value_at
+from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.uncertain import CorrelationTable, UncertainTable
 from mcsettle.study.uncertain import FACTOR, normal_scores_correlation, with_values
 
@@ -15,19 +16,25 @@ FIXED = ("profile.window_m", "profile.shortest_m", "profile.longest_m", "limit.h
 
 
 def uncertain_faults(
+    study: StudyTables,
     data: Mapping[str, Any],
-    entries: Sequence[UncertainTable],
-    correlations: Sequence[CorrelationTable],
     accept: Callable[[Mapping[str, Any]], object],
-    observed: bool = False,
 ) -> list[Fault]:
-    """Faults of the uncertain inputs of a study that is sound without them.
+    """Faults of the uncertain inputs of a study that is valid without them.
 
-    ``data`` is the study's mapping; ``accept`` builds a study of such a mapping or refuses it;
-    ``observed``: whether it has observations.
+    ``data`` is the study's mapping; ``accept`` builds a study of such a mapping or refuses it.
     """
+    entries, correlations = study.uncertain, study.correlations
+    if study.grounds_table is not None:
+        said = "cannot stand beside [[uncertain]] inputs"
+        return [Fault("grounds", said)] if entries else []
+    if not entries:
+        useless = "correlations" if correlations else "run.parameter_sets"
+        said = "has no meaning without [[uncertain]] inputs; leave it out"
+        given = bool(correlations) or (study.run.parameter_sets or 1) > 1
+        return [Fault(useless, said)] if given else []
     faults = [f for place, entry in enumerate(entries) for f in _entry(data, place, entry)]
-    faults += _fitted(data, entries, correlations, observed)
+    faults += _fitted(data, entries, correlations, bool(study.observed))
     faults += _twice(entries)
     faults += _correlations(entries, correlations)
     if not faults:
