@@ -142,6 +142,32 @@ def read_regular(path: Path, largest: int) -> bytes:
         return file.read(largest + 1)
 
 
+PACKED = {
+    b"\x1f\x8b": "gzip",
+    b"BZh": "bzip2",
+    b"PK\x03\x04": "zip",
+    b"\xfd7zXZ": "xz",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"\x04\x22\x4d\x18": "lz4",
+}
+
+
+def packed_as(path: Path) -> str | None:
+    """Name of the compression of the file at ``path``; None where its first bytes are of none."""
+    with path.open("rb") as file:
+        start = file.read(8)
+    return next((kind for mark, kind in PACKED.items() if start.startswith(mark)), None)
+
+
+def n_lines(path: Path) -> int:
+    """Lines of the file at ``path``, however they end."""
+    feeds = returns = 0
+    with path.open("rb") as file:
+        while block := file.read(1 << 22):
+            feeds, returns = feeds + block.count(b"\n"), returns + block.count(b"\r")
+    return max(feeds, returns)
+
+
 def _make(folder: Path) -> None:
     """Make a folder so that it outlives a power cut."""
     if folder.is_dir():
