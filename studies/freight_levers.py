@@ -18,7 +18,7 @@ import numpy as np
 
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.engine import engine_for
 from mcsettle.study.study import Study
 
 Data = dict[str, Any]
@@ -93,7 +93,7 @@ def reductions(study: Study, realisations: int) -> dict[str, np.ndarray]:
     days = {}
     for scenario in ("A", "C", "D"):
         case = build_case(study, prepared, study.variant_names[0], scenario)
-        days[scenario] = Engine(case).run(profiles, np.zeros(0)).days
+        days[scenario] = engine_for(case).run(profiles, np.zeros(0)).days
     found = {s: 100.0 * (1.0 - days[s] / days["A"]) for s in ("C", "D")}
     return {s: values[np.isfinite(values)] for s, values in found.items()}
 

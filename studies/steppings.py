@@ -17,8 +17,9 @@ import numpy as np
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
 from mcsettle.step_b.case import Case, Outcome
-from mcsettle.step_b.engine import Engine
-from mcsettle.step_b.stepwise import Marching
+from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.step_b.engine import engine_for
+from mcsettle.step_b.stepwise import March, MarchState
 from mcsettle.study.study import load_study
 
 STUDY = Path(__file__).with_name("linespeed.toml")
@@ -65,7 +66,7 @@ class Saved:
             with np.load(path) as arrays:
                 held = dict(arrays)
             self.before = tuple(held.pop("spent"))
-            self.begun = Marching(**held | {"done": int(held["done"])})
+            self.begun = MarchState(**held | {"done": int(held["done"])})
 
     def spent(self) -> tuple[float, float]:
         """Wall and CPU seconds so far, of all parts."""
@@ -73,11 +74,11 @@ class Saved:
         wall, cpu = (before + now - start for before, start, now in parts)
         return wall, cpu
 
-    def keep(self, march) -> None:
+    def keep(self, march: March) -> None:
         """Write the march now and then, whole or not at all."""
         if time.monotonic() < self.written + SAVE_EVERY:
             return
-        state, half = march(), self.path.with_suffix(".half")
+        state, half = march.state(), self.path.with_suffix(".half")
         with half.open("wb") as file:
             np.savez(file, **asdict(state), spent=np.array(self.spent()))
         os.replace(half, self.path)
@@ -89,8 +90,13 @@ class Saved:
 
 def run(case: Case, stepping: str, tracks: np.ndarray, saved: Saved) -> Outcome:
     """One stepping of ``tracks`` to the limit."""
-    keeps = {} if stepping == "cycle_jump" else {"begun": saved.begun, "keep": saved.keep}
-    return Engine(case, stepping).run(tracks, np.zeros(0), **keeps)
+    engine = engine_for(case, stepping)
+    if isinstance(engine, CycleJump):
+        return engine.run(tracks, np.zeros(0))
+    march = engine.march(tracks, np.zeros(0), saved.begun)
+    for _ in march:
+        saved.keep(march)
+    return march.outcome()
 
 
 def report(found: dict[str, dict[str, np.ndarray]]) -> None:

@@ -16,8 +16,8 @@ from mcsettle.estimate.sample import interval_quantile
 from mcsettle.run.factor_digest import transfer_identity
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
-from mcsettle.step_b import engine
 from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
 
@@ -118,7 +118,7 @@ class Search:
 
     def __init__(self, case: Case, profiles: np.ndarray, progress: Progress | None) -> None:
         self.case, self.profiles, self.progress = case, profiles, progress
-        self.machine = engine.Engine(case)
+        self.machine = CycleJump(case)
         self.known: dict[float, float] = {}
         self.evaluations = 0
 

@@ -26,8 +26,8 @@ from mcsettle.railway.irregularity import (
 )
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
-from mcsettle.step_b import engine
 from mcsettle.step_b.case import Case
+from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.schema.economics import MaintenanceTable
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
@@ -101,7 +101,7 @@ def tampings(
     if table.ballast_cycles_after is not None:
         model = replace(case.model, ballast_cycles_before=table.ballast_cycles_after)
         later = replace(case, model=model)
-    first, further = engine.Engine(case), engine.Engine(later)
+    first, further = CycleJump(case), CycleJump(later)
     profiles, life = start.copy(), (table.renewal_years or np.inf) * DAYS_PER_YEAR
     n = len(start)
     day, ground, factor = np.zeros(n), np.zeros(n), np.ones(n)

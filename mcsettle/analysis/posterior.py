@@ -15,8 +15,8 @@ from scipy.optimize import minimize_scalar
 from mcsettle.errors import InputError
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
-from mcsettle.step_b import engine
 from mcsettle.step_b.case import Case
+from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
 from mcsettle.units import MM
@@ -126,7 +126,7 @@ class Ensemble:
         model = replace(case.model, settlement_factor=1.0)
         limit = max(case.sd_limit, float(np.max(self.sd + FAR * self.error)))
         self.case = replace(case, model=model, horizon=horizon, sd_limit=limit)
-        self.machine = engine.Engine(self.case)
+        self.machine = CycleJump(self.case)
         self.profiles = initial_profiles(study, range(study.run.realisations), variant)
         self.progress, self.done = progress, 0
 

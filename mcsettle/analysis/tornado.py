@@ -12,8 +12,8 @@ from mcsettle import economics
 from mcsettle.estimate.sample import effect_quantile, interval_quantile
 from mcsettle.run.scenario import build_case, initial_profiles, step_b_key
 from mcsettle.run.transfers import Shelf, step_a
-from mcsettle.step_b import engine
 from mcsettle.step_b.case import Outcome
+from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
 
@@ -100,7 +100,7 @@ def _medians(
             prepared = prepared or step_a(study, None, processes, shelf)
             case = build_case(study, prepared, variant, scenario)
             profiles = initial_profiles(study, range(realisations), variant)
-            runs[key] = engine.Engine(case).run(profiles, np.zeros(0))
+            runs[key] = CycleJump(case).run(profiles, np.zeros(0))
         outcomes[scenario] = runs[key]
     found: dict[tuple[str, str], tuple[str, float | None]] = {}
     for scenario, outcome in outcomes.items():

@@ -37,7 +37,7 @@ def profiles_at_limit(material: Material, prepared: StepA) -> list[Profile]:
     found = []
     for scenario in study.scenario_names[:MOST_PANELS]:
         case = build_case(study, prepared, material.variant, scenario)
-        outcome = engine.Engine(case).run(amplitudes, np.zeros(0))
+        outcome = engine.engine_for(case).run(amplitudes, np.zeros(0))
         if outcome.failed[0]:
             continue
         days = float(outcome.days[0]) if outcome.reached[0] else None
@@ -67,7 +67,7 @@ def mixed_days(material: Material, scenario: str, prepared: StepA) -> MixedDays 
     case = replace(build_case(study, prepared, material.variant, scenario), horizon=last)
     days = np.linspace(MIXED_FROM, last, MIXED_POINTS + 1)
     amplitudes = initial_profiles(study, range(TRACK, TRACK + 1), material.variant)
-    outcome = engine.Engine(case, "every_axle").run(amplitudes, days)
+    outcome = engine.engine_for(case, "every_axle").run(amplitudes, days)
     sd = outcome.history[0] / MM
     if outcome.failed[0] or np.isnan(sd).any():
         return None

@@ -24,8 +24,10 @@ from mcsettle.run.transfers import Shelf, StepA, step_a
 from mcsettle.run.transfers_ahead import Ahead
 from mcsettle.step_b import engine, expansion_error
 from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.pointwise import LARGEST_EXPONENT
 from mcsettle.step_b.sd_map import roughness
+from mcsettle.step_b.stepwise import Stepwise
 from mcsettle.storage import shard_record, store
 from mcsettle.storage.location import Folder, Place
 from mcsettle.storage.provenance import Provenance
@@ -36,6 +38,7 @@ from mcsettle.types import Progress
 BATCH = 2048  # realisations at a time, unless a run says otherwise
 CHECKED = range(2)  # realisations on which the second-order form is checked, in every run
 LOGS = ".log"
+Machine = CycleJump | Stepwise
 
 
 @dataclass
@@ -144,15 +147,15 @@ def advance(job: Job, member: ParameterSet, case: Case, todo: Iterable[Shard]) -
         write_computed(job, member, machine, shard)
 
 
-def engine_for(job: Job, member: ParameterSet, case: Case, shard: Shard) -> engine.Engine:
+def engine_for(job: Job, member: ParameterSet, case: Case, shard: Shard) -> Machine:
     """The engine of one parameter set, variant and scenario, those of ``shard``; remarks to ``job``."""
     run = member.study.run
     side, remarks = _right_hand_side(member, case, shard)
     job.remarks += remarks
-    return engine.Engine(case, run.stepping, side, threads=job.threads, precision=run.precision)
+    return engine.engine_for(case, run.stepping, side, threads=job.threads, precision=run.precision)
 
 
-def write_computed(job: Job, member: ParameterSet, machine: engine.Engine, shard: Shard) -> None:
+def write_computed(job: Job, member: ParameterSet, machine: Machine, shard: Shard) -> None:
     """Compute one shard and write it."""
     started = time.monotonic()
     job.log("begun", shard)
@@ -162,7 +165,7 @@ def write_computed(job: Job, member: ParameterSet, machine: engine.Engine, shard
 
 
 def _tables(
-    job: Job, member: ParameterSet, machine: engine.Engine, shard: Shard
+    job: Job, member: ParameterSet, machine: Machine, shard: Shard
 ) -> dict[str, dict[str, Any]]:
     """One shard: the columns of ``history`` and of ``realisations``.
 
@@ -183,23 +186,15 @@ def _tables(
 
 
 def _batch(
-    job: Job, member: ParameterSet, machine: engine.Engine, shard: Shard, first: int
+    job: Job, member: ParameterSet, machine: Machine, shard: Shard, first: int
 ) -> tuple[range, Outcome]:
     """Advance the next batch; where memory does not suffice, once, a quarter of it from then on."""
     study = member.study
-
-    def tick(done: int, total: int) -> None:
-        if job.progress is not None:
-            text = f"Step B: {shard.variant} {shard.scenario}, axle passages"
-            job.progress(text, done, total)
-
     for last_try in (False, True):
         part = range(first, min(first + (job.batch or BATCH), shard.indices.stop))
         try:
-            outcome = machine.run(
-                initial_profiles(study, part, shard.variant), sample_days(study), tick=tick
-            )
-            return part, outcome
+            profiles = initial_profiles(study, part, shard.variant)
+            return part, _outcome(job, machine, profiles, sample_days(study), shard)
         except MemoryError:
             smaller = max(1, len(part) // 4)
             if last_try or len(part) == 1:
@@ -213,6 +208,20 @@ def _batch(
                 f"{smaller} (--batch {smaller})"
             )
     raise AssertionError("unreachable")
+
+
+def _outcome(
+    job: Job, machine: Machine, profiles: np.ndarray, days: np.ndarray, shard: Shard
+) -> Outcome:
+    """Advance realisations [R, K] to the limit or the horizon, with progress where it takes long."""
+    if isinstance(machine, CycleJump):
+        return machine.run(profiles, days)
+    march, text = machine.march(profiles, days), f"Step B: {shard.variant} {shard.scenario}"
+    passages = engine.foreseen_passages(machine.case, profiles)
+    for day in march:
+        if job.progress is not None:
+            job.progress(f"{text}, axle passages", *passages(day))
+    return march.outcome()
 
 
 def _begun(job: Job, shard: Shard) -> tuple[int, list[dict[str, Any]], list[dict[str, Any]]]:

@@ -21,8 +21,8 @@ from mcsettle.estimate.conditioning import FIT_TRACKS
 from mcsettle.estimate.likelihood import log_interval, log_mean, log_median, log_sd, sections_of
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import Shelf, StepA, step_a
-from mcsettle.step_b import engine
 from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.storage import store
 from mcsettle.storage.location import Place
 from mcsettle.storage.provenance import Provenance
@@ -218,7 +218,7 @@ class _Model:
 def _advanced(case: Case, logs: np.ndarray, profiles: np.ndarray, days: np.ndarray) -> Outcome:
     """Every track at every factor, factors outermost."""
     model = replace(case.model, settlement_factor=1.0)
-    machine = engine.Engine(replace(case, model=model))
+    machine = CycleJump(replace(case, model=model))
     factors = np.repeat(np.exp(logs), len(profiles))
     return machine.run(np.tile(profiles, (len(logs), 1)), days, factors)
 

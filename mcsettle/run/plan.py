@@ -15,8 +15,9 @@ from mcsettle.run.compute import BATCH
 from mcsettle.run.scenario import build_case, initial_profiles, sample_days
 from mcsettle.run.transfers import step_a
 from mcsettle.step_b.case import Case
+from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.cycles import update_weights
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.stepwise import Stepwise
 from mcsettle.study.study import Study, study_wavenumbers
 from mcsettle.types import Progress
 
@@ -106,9 +107,12 @@ def _probe(
     study: Study, case: Case, profiles: np.ndarray, threads: int | None
 ) -> tuple[float, float]:
     """Seconds and axle passages a realisation."""
+    from mcsettle.kernels import runtime
+
     run, days = study.run, sample_days(study)
     jump_side = "spectral" if run.stepping != "cycle_jump" else run.right_hand_side
-    jump = Engine(case, "cycle_jump", jump_side, threads=threads)
+    runtime.start(threads)
+    jump = CycleJump(case, jump_side)
     jump.run(profiles[:1], days)  # compiled
     start = time.perf_counter()
     outcome = jump.run(profiles, days)
@@ -116,24 +120,21 @@ def _probe(
     passages = float(outcome.passages.mean())
     if run.stepping == "cycle_jump":
         return seconds, passages
-    rate = _marching(case, study, profiles, threads)
+    rate = _marching(case, study, profiles)
     trains = passages / case.timetable.passages_per_day
     trains *= sum(service.per_day for service in case.timetable.services)
     return (passages if run.stepping == "every_axle" else trains) / rate, passages
 
 
-def _marching(case: Case, study: Study, profiles: np.ndarray, threads: int | None) -> float:
+def _marching(case: Case, study: Study, profiles: np.ndarray) -> float:
     """Updates of realisations a second, one launch measured."""
     run = study.run
-    engine = Engine(
-        case, run.stepping, run.right_hand_side, threads=threads, precision=run.precision
-    )
-    assert engine.loads is not None
-    state = engine.loads.begin(profiles, np.inf)
-    first = update_weights(case, engine.loads.plan, 0, 2)
-    state.advance(*first, *engine.loads.coefficients)  # compiled
-    count = state.burst_size()
-    updates = update_weights(case, engine.loads.plan, 2, count)
+    loads = Stepwise(case, run.stepping, run.right_hand_side, run.precision).loads
+    lanes = loads.begin(profiles, np.inf)
+    first = update_weights(case, loads.plan, 0, 2)
+    lanes.advance(*first, *loads.coefficients)  # compiled
+    count = lanes.burst_size()
+    updates = update_weights(case, loads.plan, 2, count)
     start = time.perf_counter()
-    state.advance(*updates, *engine.loads.coefficients)
+    lanes.advance(*updates, *loads.coefficients)
     return count * len(profiles) / (time.perf_counter() - start)

@@ -23,7 +23,8 @@ from mcsettle.run.shards import Shard, all_shards
 from mcsettle.run.status import held_shards
 from mcsettle.run.transfers import Shelf, StepA, step_a
 from mcsettle.step_a.transfer_file import load, save
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.step_b.stepwise import Stepwise
 from mcsettle.storage.files import cache_folder
 from mcsettle.storage.location import Place, place
 from mcsettle.storage.provenance import read_json, read_provenance
@@ -72,7 +73,7 @@ class Bench:
     shards: list[Shard]
     shelf: Shelf | None
     group: tuple[int, str, str] | None = None
-    engine: Engine | None = None
+    engine: CycleJump | Stepwise | None = None
     prepared: dict[int, StepA] = field(default_factory=dict)
 
     def make(self, shard: Shard) -> None:
@@ -85,7 +86,7 @@ class Bench:
         else:
             compute.write_computed(self.job, member, self.engine_of(shard), shard)
 
-    def engine_of(self, shard: Shard) -> Engine:
+    def engine_of(self, shard: Shard) -> CycleJump | Stepwise:
         """The engine of a shard, kept for its neighbours."""
         if self.engine is None or self.group != shard.group:
             member = self.members[shard.member]

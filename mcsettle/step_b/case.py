@@ -6,7 +6,9 @@ import numpy as np
 
 from mcsettle.railway.traffic import Timetable
 from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_b.passage import mode_numbers
 from mcsettle.step_b.settlement import SettlementModel
+from mcsettle.step_b.spectral import ModePairs, mode_pairs
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,16 @@ class Case:
     def __post_init__(self) -> None:
         if len(self.transfers) != len(self.timetable.services):
             raise ValueError("a case needs one set of transfer functions per service")
+
+    @property
+    def wavenumbers(self) -> np.ndarray:
+        """Wavenumbers [K] rad/m of the profile's modes."""
+        return self.transfers[0].wavenumbers
+
+    @property
+    def mode_pairs(self) -> ModePairs:
+        """Pairs of modes that together make a third."""
+        return mode_pairs(mode_numbers(self.wavenumbers, self.window))
 
 
 @dataclass(frozen=True)

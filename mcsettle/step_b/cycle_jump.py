@@ -14,26 +14,80 @@ from mcsettle.step_b.case import Case, Outcome
 from mcsettle.step_b.cycles import daily_weights
 from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
 from mcsettle.step_b.runge_kutta import integrate
-from mcsettle.step_b.sd_map import Roughness
-from mcsettle.step_b.spectral import ModePairs, fast_growth, stacked, train_form
+from mcsettle.step_b.sd_map import Roughness, roughness
+from mcsettle.step_b.spectral import fast_growth, stacked, train_form
 
+# Maps amplitudes [A, K] and weights [A, E] to the growth of both parts of the state.
 Growth = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+TOLERANCE = 1e-6
 
 
-def cycle_jump(
+class CycleJump:
+    """One case ready to be integrated over many days at a time.
+
+    Parameters
+    ----------
+    case : Case
+    right_hand_side : "spectral", the second-order form, or "pointwise", every x and depth
+    tolerance : relative to the amplitudes, per step
+    """
+
+    def __init__(
+        self, case: Case, right_hand_side: str = "spectral", tolerance: float = TOLERANCE
+    ) -> None:
+        from mcsettle.kernels import runtime
+
+        runtime.start()
+        self.case, self.tolerance = case, tolerance
+        self.measure = roughness(case.wavenumbers, case.window)
+        self.growth = (
+            exact_growth(case) if right_hand_side == "pointwise" else spectral_growth(case)
+        )
+
+    def run(
+        self,
+        amplitudes: np.ndarray,
+        sample_days: np.ndarray,
+        factor: np.ndarray | None = None,
+        ground_days: np.ndarray | None = None,
+    ) -> Outcome:
+        """Run realisations until they reach the limit or the horizon.
+
+        Parameters
+        ----------
+        amplitudes : complex [R, K], initial profile amplitudes, m
+        sample_days : [H] rising days at which the SD is recorded
+        factor : [R] multiplies ``settlement_factor``; default 1
+        ground_days : [R] days of this traffic that sub-ballast and ground have had before day 0, while
+            the ballast begins anew; default 0
+
+        Returns
+        -------
+        Outcome
+        """
+        days = np.asarray(sample_days, dtype=float)
+        return _integrated(
+            self.case,
+            amplitudes,
+            days,
+            self.growth,
+            self.measure,
+            self.tolerance,
+            factor,
+            ground_days,
+        )
+
+
+def _integrated(
     case: Case,
     amplitudes: np.ndarray,
     sample_days: np.ndarray,
     growth: Growth,
     measure: Roughness,
     tolerance: float,
-    factor: np.ndarray | None = None,
-    ground_days: np.ndarray | None = None,
+    factor: np.ndarray | None,
+    ground_days: np.ndarray | None,
 ) -> Outcome:
-    """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``).
-
-    ``growth`` maps amplitudes [A, K] and weights [A, E] to the growth of both parts of the state.
-    """
     model = case.model
     before = min(model.cycles_before(law) for law in model.group_laws)
     scale = before / (model.cycles_per_passage * case.timetable.passages_per_day)
@@ -111,8 +165,9 @@ def _in_timetable_order(
     return np.floor(day) + passages / case.timetable.passages_per_day
 
 
-def spectral_growth(case: Case, pairs: ModePairs) -> Growth:
+def spectral_growth(case: Case) -> Growth:
     """Growth by the second-order form of whole trains."""
+    pairs = case.mode_pairs
     form = stacked([train_form(transfer, case.model, pairs) for transfer in case.transfers])
     packed = form.packed()
 

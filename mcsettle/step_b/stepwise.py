@@ -1,6 +1,6 @@
 """March through the timetable: one update per axle passage, or one per train."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,11 +10,11 @@ from mcsettle.step_b.case import Case, Outcome
 from mcsettle.step_b.cycles import DayPlan, day_plan, update_weights
 from mcsettle.step_b.pointwise import PointwiseLoad, joined, pointwise_load
 from mcsettle.step_b.pointwise import tables as pointwise_tables
-from mcsettle.step_b.sd_map import Roughness
+from mcsettle.step_b.sd_map import Roughness, roughness
 from mcsettle.step_b.spectral import ModePairs, SettlementForm, axle_form, tables, train_form
 
 if TYPE_CHECKING:
-    from mcsettle.kernels.lanes import March
+    from mcsettle.kernels import lanes
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Loads:
     mean: np.ndarray
     precision: str = "f64"
 
-    def begin(self, amplitudes: np.ndarray, power_limit: float) -> "March":
+    def begin(self, amplitudes: np.ndarray, power_limit: float) -> "lanes.March":
         """Realisations [R, K] ready to march."""
         from mcsettle.kernels.lanes import March
 
@@ -46,8 +46,8 @@ class Loads:
 
 
 @dataclass(frozen=True)
-class Marching:
-    """A march between two launches, enough to go on from to the last bit.
+class MarchState:
+    """A march between two launches: enough to go on from, to the last bit.
 
     ``done`` updates of the timetable; of R realisations ``amplitudes`` complex [R, K] m, ``active`` [R]
     below the limit, ``updates`` [R] applied, ``uniform`` [R] settlement, m, ``history`` [R, H] m.
@@ -70,7 +70,7 @@ class PointwiseLoads:
     precision: str = "f64"
     coefficients: tuple[np.ndarray, ...] = ()
 
-    def begin(self, amplitudes: np.ndarray, power_limit: float) -> "March":
+    def begin(self, amplitudes: np.ndarray, power_limit: float) -> "lanes.March":
         """Realisations [R, K] ready to march."""
         from mcsettle.kernels.lanes import PointwiseMarch
 
@@ -93,81 +93,138 @@ def pointwise_day_loads(case: Case, precision: str = "f64") -> PointwiseLoads:
     return PointwiseLoads(day_plan(case, by_train=False), joined(loads), precision)
 
 
-def march(
-    case: Case,
-    amplitudes: np.ndarray,
-    sample_days: np.ndarray,
-    loads: Loads | PointwiseLoads,
-    measure: Roughness,
-    tick: Callable[[float], None] | None = None,
-    begun: Marching | None = None,
-    keep: Callable[[Callable[[], Marching]], None] | None = None,
-) -> Outcome:
-    """Run realisations [R, K] to the limit or the horizon (arguments: ``Engine.run``).
+class March:
+    """Realisations on their way through the timetable: iterate to advance them, then take the outcome.
 
-    ``keep`` is called after every launch with a function that gives the march as it stands; from such
-    a march, ``begun``, the same call goes on.
+    Parameters
+    ----------
+    case : Case
+    loads : Loads or PointwiseLoads, what the updates of a day apply
+    amplitudes : complex [R, K], initial profile amplitudes, m
+    sample_days : [H] rising days at which the SD is recorded
+    begun : MarchState of the same march, to go on from
     """
-    plan = loads.plan
-    state = loads.begin(amplitudes, 2.0 * case.sd_limit**2)
-    history = np.full((len(amplitudes), len(sample_days)), np.nan)
-    last = int(np.floor(case.horizon * len(plan.load)))
-    sample_at = np.rint(sample_days * len(plan.load)).astype(np.int64)
-    done = 0
-    if begun is not None:
-        state.restore(begun.amplitudes, begun.active, begun.updates, begun.uniform)
-        history[:], done = begun.history, begun.done
-    stops = np.union1d(sample_at[sample_at < last], [last])
-    for stop in stops[stops >= done]:
-        while done < stop and state.any_active():
-            count = int(min(stop - done, state.burst_size()))
-            updates = update_weights(case, plan, done, count)
-            state.advance(*updates, *loads.coefficients)
-            done += count
-            if tick is not None:
-                tick(done / len(plan.load))
-            if keep is not None:
-                keep(lambda: _marching(state, done, history))  # noqa: B023 (called at once)
-        alive, at = state.is_active(), np.flatnonzero(sample_at == stop)
-        history[np.ix_(alive, at)] = measure.sd(state.amplitudes()[alive])[:, None]
-    return _outcome(case, plan, state, amplitudes, history, measure)
+
+    def __init__(
+        self,
+        case: Case,
+        loads: Loads | PointwiseLoads,
+        measure: Roughness,
+        amplitudes: np.ndarray,
+        sample_days: np.ndarray,
+        begun: MarchState | None = None,
+    ) -> None:
+        self.case, self.loads, self.measure, self.initial = case, loads, measure, amplitudes
+        self.per_day = len(loads.plan.load)
+        self.sample_at = np.rint(np.asarray(sample_days) * self.per_day).astype(np.int64)
+        self.lanes = loads.begin(amplitudes, 2.0 * case.sd_limit**2)
+        self.history = np.full((len(amplitudes), len(sample_days)), np.nan)
+        self.done = 0
+        if begun is not None:
+            self.lanes.restore(begun.amplitudes, begun.active, begun.updates, begun.uniform)
+            self.history[:], self.done = begun.history, begun.done
+
+    def __iter__(self) -> Iterator[float]:
+        """Advance launch by launch to the limit or the horizon; yields the day reached."""
+        last = int(np.floor(self.case.horizon * self.per_day))
+        stops = np.union1d(self.sample_at[self.sample_at < last], [last])
+        for stop in stops[stops >= self.done]:
+            while self.done < stop and self.lanes.any_active():
+                self._advance(int(min(stop - self.done, self.lanes.burst_size())))
+                yield self.done / self.per_day
+            self._record(stop)
+
+    def state(self) -> MarchState:
+        """The march as it stands."""
+        lanes = self.lanes
+        return MarchState(
+            self.done,
+            lanes.amplitudes(),
+            lanes.is_active(),
+            lanes.updates(),
+            lanes.uniform(),
+            self.history.copy(),
+        )
+
+    def outcome(self) -> Outcome:
+        """What became of the realisations, once the march is over."""
+        updates, final = self.lanes.updates(), self.lanes.amplitudes()
+        sd_final = self.measure.sd(final)
+        failed = ~np.isfinite(sd_final)
+        reached = ~self.lanes.is_active() & ~failed
+        return Outcome(
+            reached=reached,
+            failed=failed,
+            days=np.where(reached, updates / self.per_day, np.nan),
+            passages=self.loads.plan.passages(updates),
+            sd_initial=self.measure.sd(self.initial),
+            sd_final=sd_final,
+            mean_settlement=self.lanes.uniform(),
+            amplitudes=final,
+            history=self.history,
+            steps=updates,
+        )
+
+    def _advance(self, count: int) -> None:
+        updates = update_weights(self.case, self.loads.plan, self.done, count)
+        self.lanes.advance(*updates, *self.loads.coefficients)
+        self.done += count
+
+    def _record(self, stop: int) -> None:
+        """The SD of what is below the limit, where ``stop`` is a day to record."""
+        alive, at = self.lanes.is_active(), np.flatnonzero(self.sample_at == stop)
+        self.history[np.ix_(alive, at)] = self.measure.sd(self.lanes.amplitudes()[alive])[:, None]
 
 
-def _marching(state: "March", done: int, history: np.ndarray) -> Marching:
-    return Marching(
-        done,
-        state.amplitudes(),
-        state.is_active(),
-        state.updates(),
-        state.uniform(),
-        history.copy(),
-    )
+class Stepwise:
+    """One case ready to be updated passage by passage, or train by train.
 
+    Parameters
+    ----------
+    case : Case
+    stepping : "every_axle", or "every_train" (spectral only)
+    right_hand_side : "spectral", the second-order form, or "pointwise", every x and depth
+    precision : of the arithmetic, "f64" or "f32"; the state is in double precision always
+    """
 
-def _outcome(
-    case: Case,
-    plan: DayPlan,
-    state: "March",
-    initial: np.ndarray,
-    history: np.ndarray,
-    measure: Roughness,
-) -> Outcome:
-    updates, final = state.updates(), state.amplitudes()
-    sd_final = measure.sd(final)
-    failed = ~np.isfinite(sd_final)
-    reached = ~state.is_active() & ~failed
-    return Outcome(
-        reached=reached,
-        failed=failed,
-        days=np.where(reached, updates / len(plan.load), np.nan),
-        passages=plan.passages(updates),
-        sd_initial=measure.sd(initial),
-        sd_final=sd_final,
-        mean_settlement=state.uniform(),
-        amplitudes=final,
-        history=history,
-        steps=updates,
-    )
+    def __init__(
+        self,
+        case: Case,
+        stepping: str = "every_axle",
+        right_hand_side: str = "spectral",
+        precision: str = "f64",
+    ) -> None:
+        from mcsettle.kernels import runtime
+
+        runtime.start()
+        self.case, self.measure = case, roughness(case.wavenumbers, case.window)
+        if self.measure.basis is not None:
+            raise ValueError(
+                "updating passage by passage takes a window below 400 m; use stepping 'cycle_jump'"
+            )
+        self.loads: Loads | PointwiseLoads
+        if right_hand_side == "spectral":
+            self.loads = day_loads(case, case.mode_pairs, stepping == "every_train", precision)
+        elif stepping == "every_axle":
+            self.loads = pointwise_day_loads(case, precision)
+        else:
+            raise ValueError(
+                "updating train by train takes the spectral right-hand side; "
+                "use stepping 'every_axle' or 'cycle_jump'"
+            )
+
+    def march(
+        self, amplitudes: np.ndarray, sample_days: np.ndarray, begun: MarchState | None = None
+    ) -> March:
+        """The march of realisations [R, K], to be iterated over."""
+        return March(self.case, self.loads, self.measure, amplitudes, sample_days, begun)
+
+    def run(self, amplitudes: np.ndarray, sample_days: np.ndarray) -> Outcome:
+        """March realisations [R, K] to the limit or the horizon."""
+        march = self.march(amplitudes, sample_days)
+        for _ in march:
+            pass
+        return march.outcome()
 
 
 def _forms(case: Case, pairs: ModePairs, by_train: bool) -> list[SettlementForm]:

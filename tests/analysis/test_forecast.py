@@ -13,7 +13,7 @@ from mcsettle.analysis.posterior import Observation
 from mcsettle.cli.app import app
 from mcsettle.cli.observations import read_observations
 from mcsettle.errors import InputError
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.engine import engine_for
 from mcsettle.study.study import resolved_toml
 
 DAYS = np.array([0.0, 15.0, 35.0, 70.0, 120.0])
@@ -45,7 +45,7 @@ def ensemble(fresh_cache: Path) -> tuple[np.ndarray, np.ndarray]:
     """Log factors [F], and SDs [F, R, D] m of 300 tracks: few waves, one short train."""
     case = toy.case(services=(("car", 288),), shortest=8.0, horizon=130.0, sd_limit=50e-3,
                     settlement_factor=1.0)  # fmt: skip
-    machine = Engine(case)
+    machine = engine_for(case)
     logs = np.linspace(np.log(30.0), np.log(250.0), 24)
     profiles = toy.profiles(range(300), shortest=8.0)
     sd = [machine.run(profiles, DAYS, np.full(300, np.exp(x))).history for x in logs]
@@ -101,7 +101,7 @@ def test_a_study_predicts_what_was_held_out(fresh_cache: Path, tmp_path: Path) -
     case = build_case(study, step_a(study), "base", "v201")
     days = np.array([0.0, 8.0, 16.0])
     track = initial_profiles(study, range(60, 61))
-    sd = Engine(case).run(track, days).history[0] * 1e3
+    sd = engine_for(case).run(track, days).history[0] * 1e3
     rows = [Observation(float(d), float(s), 0.01) for d, s in zip(days, sd, strict=True)]
     found = forecast(study, "v201", rows, 1)
     assert [row.held_out for row in found] == [False, False, True]

@@ -11,7 +11,7 @@ from mcsettle.cli.observations import read_observations
 from mcsettle.errors import InputError
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.engine import engine_for
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 DAYS, ERROR, TRUTH = np.array([5.0, 15.0, 25.0]), 0.02, 250.0
@@ -28,7 +28,7 @@ def observed(study, factor, realisation, rng=None) -> tuple[Observation, ...]:
     model = replace(case.model, settlement_factor=factor)
     case = replace(case, model=model, sd_limit=1.0)
     profiles = initial_profiles(study, range(realisation, realisation + 1))
-    sd = Engine(case).run(profiles, DAYS).history[0] * 1e3
+    sd = engine_for(case).run(profiles, DAYS).history[0] * 1e3
     sd = sd + (0.0 if rng is None else ERROR * rng.normal(size=len(sd)))
     return tuple(Observation(float(d), float(s), ERROR) for d, s in zip(DAYS, sd, strict=True))
 

@@ -9,7 +9,7 @@ from toy import COST, LOAD, N0, uncertain
 from mcsettle.analysis.tornado import tornado
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.engine import engine_for
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 
@@ -21,7 +21,7 @@ def bars(fresh_cache):
 
 def days(study):
     case = build_case(study, step_a(study), "base", "v201")
-    return Engine(case).run(initial_profiles(study, range(4)), np.zeros(0)).days
+    return engine_for(case).run(initial_profiles(study, range(4)), np.zeros(0)).days
 
 
 def test_ends_and_centre(bars):

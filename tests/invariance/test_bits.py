@@ -10,7 +10,7 @@ import pytest
 import toy
 
 from mcsettle.step_b.case import Case
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.engine import engine_for
 
 TESTS = Path(__file__).resolve().parents[1]
 N = 70  # a full tile of lanes and a begun one
@@ -45,7 +45,7 @@ class Part:
 
 @pytest.fixture(scope="module", params=STEPPINGS)
 def engine(request):
-    return Engine(quick(), request.param)
+    return engine_for(quick(), request.param)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_a_failed_neighbour(engine, together):
 def test_long_window():
     """1000 m, where the SD over 200 m is a product with a matrix."""
     case = toy.case((("car", 20),), window=1000.0, shortest=12.0, settlement_factor=1e4)
-    engine = Engine(case)
+    engine = engine_for(case)
     everyone = engine.run(toy.profiles(range(9), window=1000.0, shortest=12.0), DAYS)
     assert everyone.reached.all()
     parts = [
@@ -102,7 +102,7 @@ def test_long_window():
 @pytest.mark.parametrize("stepping", STEPPINGS)
 def test_pointwise(stepping):
     case = toy.case((("car", 100),), shortest=20.0, horizon=0.5, settlement_factor=1e4)
-    engine = Engine(case, stepping, "pointwise")
+    engine = engine_for(case, stepping, "pointwise")
     everyone = engine.run(toy.profiles(range(70), shortest=20.0), DAYS[:1])
     order = np.random.default_rng(1).permutation(70)
     mixed = engine.run(toy.profiles(order, shortest=20.0), DAYS[:1])
@@ -115,11 +115,11 @@ SCRIPT = """
 import sys
 import numpy as np
 sys.path[:0] = sys.argv[3:]
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.engine import engine_for
 import test_bits
 out = {}
 for stepping, side in test_bits.RUNS:
-    engine = Engine(test_bits.quick(), stepping, side, threads=int(sys.argv[1]))
+    engine = engine_for(test_bits.quick(), stepping, side, threads=int(sys.argv[1]))
     outcome = engine.run(test_bits.tracks(range(200)), test_bits.DAYS)
     for name in test_bits.FIELDS:
         out["-".join((stepping, side, name))] = getattr(outcome, name)

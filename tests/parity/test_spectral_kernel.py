@@ -136,12 +136,12 @@ import numpy as np
 from mcsettle.kernels import runtime
 assert runtime.start(debug=True)["debug"]
 import toy
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.engine import engine_for
 from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
 from mcsettle.step_b.spectral import axle_form, fast_growth, mode_pairs
 case = toy.case((("car", 2), ("freight", 1)), shortest=8.0, horizon=1.0)
 u = toy.profiles(range(65), shortest=8.0)
-Engine(case, "every_axle").run(u, np.array([0.0, 0.5]))
+engine_for(case, "every_axle").run(u, np.array([0.0, 0.5]))
 pairs = mode_pairs(np.arange(6, 26))
 transfer = toy.transfer("car", shortest=8.0)
 form = axle_form(transfer, 0, case.model, pairs)

@@ -11,7 +11,8 @@ from mcsettle.errors import InputError
 from mcsettle.run.factor_digest import transfer_identity
 from mcsettle.run.pipeline import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.step_b.engine import engine_for
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 TARGET = 300.0
@@ -36,7 +37,7 @@ def run(study, factor, scenario="v201", variant="base", samples=()):
     case = build_case(study, step_a(study), variant, scenario)
     case = replace(case, model=replace(case.model, settlement_factor=factor))
     profiles = initial_profiles(study, range(study.run.realisations))
-    return Engine(case).run(profiles, np.array(samples, dtype=float))
+    return engine_for(case).run(profiles, np.array(samples, dtype=float))
 
 
 def test_the_factor_meets_the_target(study, found):
@@ -107,7 +108,7 @@ def test_a_target_near_the_horizon_leaves_that_end_open():
 
 def test_tracks_that_fail_are_no_censored_tracks(monkeypatch, study, found):
     """A median over the sound ones: every second track fails, and the factor hardly moves."""
-    plain = Engine.run
+    plain = CycleJump.run
 
     def broken(self, *arguments, **options):
         outcome = plain(self, *arguments, **options)
@@ -119,7 +120,7 @@ def test_tracks_that_fail_are_no_censored_tracks(monkeypatch, study, found):
             days=np.where(failed, np.nan, outcome.days),
         )
 
-    monkeypatch.setattr(Engine, "run", broken)
+    monkeypatch.setattr(CycleJump, "run", broken)
     fitted = calibrate(study, "v201", TARGET)
     assert fitted.median_days == pytest.approx(TARGET, rel=1e-4)
     assert fitted.factor == pytest.approx(found.factor, rel=0.3)

@@ -14,7 +14,7 @@ from mcsettle.run.scenario import step_b_key
 from mcsettle.run.transfers import Shelf
 from mcsettle.step_a import track_response
 from mcsettle.step_a.interaction import precompute
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.engine import engine_for
 from mcsettle.storage import store
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import load_study, study_wavenumbers
@@ -48,7 +48,7 @@ def counted(monkeypatch):
     for key, owner, name in (
         ("precompute", transfers, "precompute"),
         ("response", track_response, "beam_response"),
-        ("engine", compute.engine, "Engine"),
+        ("engine", compute.engine, "engine_for"),
     ):
         kept = getattr(owner, name)
 
@@ -70,7 +70,7 @@ def test_rows_are_those_of_each_sets_own_study(study, finished):
         response = track_response.track_response(own.track(), 5.5)
         transfer = precompute(service.train, service.speed, response, study_wavenumbers(own))
         prepared = transfers.StepA({("base", "v225"): (transfer,)})
-        days = Engine(build_case(own, prepared, "base", "v225")).run(
+        days = engine_for(build_case(own, prepared, "base", "v225")).run(
             initial_profiles(own, range(N)), np.zeros(0)
         ).days  # fmt: skip
         part = rows[rows["parameter_set"] == member.index].sort_values("realisation")

@@ -13,7 +13,8 @@ from mcsettle.run import compute, pipeline
 from mcsettle.run.pipeline import build_case, initial_profiles, run_study, sample_days
 from mcsettle.run.transfers import step_a
 from mcsettle.step_a import critical_speed
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.step_b.engine import engine_for
 from mcsettle.storage import manifest, store
 from mcsettle.study.study import load_study, resolved_toml
 
@@ -77,7 +78,7 @@ def test_rows_are_what_the_engine_says(study, finished):
     prepared = step_a(study)
     for scenario in study.scenario_names:
         case = build_case(study, prepared, "base", scenario)
-        outcome = Engine(case).run(initial_profiles(study, range(N)), sample_days(study))
+        outcome = engine_for(case).run(initial_profiles(study, range(N)), sample_days(study))
         rows = table(finished.folder, "realisations", scenario)
         assert rows["realisation"].tolist() == list(range(N))
         assert rows["status"].tolist() == ["reached"] * N
@@ -165,7 +166,7 @@ def test_a_finished_run_is_not_repeated(study, finished, monkeypatch, small_shar
     def refuse(*_, **__):
         raise AssertionError("nothing is left to do")
 
-    monkeypatch.setattr(compute.engine, "Engine", refuse)
+    monkeypatch.setattr(compute.engine, "engine_for", refuse)
     before = everything(finished.folder)
     run_study(study, finished.folder)
     assert everything(finished.folder) == before
@@ -265,7 +266,7 @@ def test_exact_runs_every_axle(tmp_path):
     run_study(study, tmp_path, realisations=2, exact=True)
     rows = table(tmp_path, "realisations", "v201")
     case = build_case(study, step_a(study), "base", "v201")
-    jump = Engine(case).run(initial_profiles(study, range(2)), np.zeros(0))
+    jump = engine_for(case).run(initial_profiles(study, range(2)), np.zeros(0))
     np.testing.assert_allclose(rows["tamping_interval_days"], jump.days, rtol=2e-3)
     np.testing.assert_allclose(rows["tamping_interval_days"] * 864, rows["passages"], rtol=1e-12)
     assert load_study(tmp_path / "study.toml").run.stepping == "every_axle"
@@ -308,7 +309,7 @@ def test_trains_near_the_critical_speed_are_remarked_on(study, finished, tmp_pat
 
 def test_failed_rows_are_told_and_kept(study, tmp_path, monkeypatch):
     """A track that overflows is a row with a reason, and its effect is failed, not missing."""
-    run = Engine.run
+    run = CycleJump.run
 
     def broken(self, *arguments, **options):
         outcome = run(self, *arguments, **options)
@@ -320,7 +321,7 @@ def test_failed_rows_are_told_and_kept(study, tmp_path, monkeypatch):
             days=np.where(second, np.nan, outcome.days),
         )
 
-    monkeypatch.setattr(Engine, "run", broken)
+    monkeypatch.setattr(CycleJump, "run", broken)
     finished = run_study(study, tmp_path, realisations=3)
     assert finished.n_failed == 2
     rows = table(tmp_path, "realisations", "v225")

@@ -23,7 +23,7 @@ from mcsettle.run.close import gather
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import Slice, all_shards, estimated_bytes, n_shards, parse_slice, slice_of
 from mcsettle.run.status import survey
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.storage import lock, manifest, store
 from mcsettle.storage.location import place
 from mcsettle.storage.shard_record import record_name
@@ -199,7 +199,7 @@ def test_gather_refuses_a_study_that_was_changed_by_hand(study, tmp_path):
 
 @pytest.mark.parametrize("times", [1, 2])
 def test_out_of_memory_takes_a_smaller_batch_once(study, whole, tmp_path, monkeypatch, times):
-    run, sizes = Engine.run, []
+    run, sizes = CycleJump.run, []
 
     def scarce(self, amplitudes, *arguments, **options):
         sizes.append(len(amplitudes))
@@ -207,7 +207,7 @@ def test_out_of_memory_takes_a_smaller_batch_once(study, whole, tmp_path, monkey
             raise MemoryError
         return run(self, amplitudes, *arguments, **options)
 
-    monkeypatch.setattr(Engine, "run", scarce)
+    monkeypatch.setattr(CycleJump, "run", scarce)
     if times == 2:
         with pytest.raises(NumericalError, match=r"do not fit .* --batch 1"):
             run_study(study, tmp_path, shard_size=4)

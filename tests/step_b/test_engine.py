@@ -12,11 +12,13 @@ from scipy.integrate import solve_ivp
 
 from mcsettle.railway.irregularity import standard_deviation, wavenumbers
 from mcsettle.step_b.case import Case
+from mcsettle.step_b.cycle_jump import TOLERANCE, CycleJump
 from mcsettle.step_b.cycles import daily_weights
-from mcsettle.step_b.engine import TOLERANCE, Engine
+from mcsettle.step_b.engine import engine_for, foreseen_passages
 from mcsettle.step_b.passage import in_band, mode_numbers, settlement_of_passage
 from mcsettle.step_b.settlement import cycle_increment, cycle_rate
 from mcsettle.step_b.spectral import growth, mode_pairs, train_form
+from mcsettle.step_b.stepwise import Stepwise
 
 MIXED = (("passenger", 30), ("freight", 40))
 AXLES_PER_DAY = 72 * 12
@@ -26,12 +28,12 @@ DAYS = np.array([0.0, 5.0, 10.0, 20.0])
 @pytest.fixture(scope="module")
 def exact():
     """Every axle of every train until the limit, 16 realisations."""
-    return Engine(toy.case(), "every_axle").run(toy.profiles(range(16)), DAYS)
+    return engine_for(toy.case(), "every_axle").run(toy.profiles(range(16)), DAYS)
 
 
 @pytest.fixture(scope="module")
 def jump():
-    return Engine(toy.case()).run(toy.profiles(range(16)), DAYS)
+    return engine_for(toy.case()).run(toy.profiles(range(16)), DAYS)
 
 
 def test_cycle_jump_is_every_axle(exact, jump):
@@ -54,7 +56,7 @@ def test_cycle_jump_is_every_axle(exact, jump):
 
 
 def test_every_train_is_every_axle_to_a_train(exact):
-    trains = Engine(toy.case(), "every_train").run(toy.profiles(range(16)), DAYS)
+    trains = engine_for(toy.case(), "every_train").run(toy.profiles(range(16)), DAYS)
     late = (trains.days - exact.days) * 72
     assert np.all((late > -1.0) & (late < 2.0))
     np.testing.assert_array_equal(trains.passages % 12, 0)
@@ -67,7 +69,7 @@ def test_a_passage_at_a_time_is_what_passage_says():
     case = toy.case((("car", 2), ("freight", 1)), shortest=8.0, laws=toy.QUADRATIC_LAWS)
     case = replace(case, horizon=2.0)
     start = toy.profiles(range(2), shortest=8.0)
-    outcome = Engine(case, "every_axle").run(start, np.zeros(0))
+    outcome = engine_for(case, "every_axle").run(start, np.zeros(0))
     modes = mode_numbers(case.transfers[0].wavenumbers, case.window)
     for row, u in enumerate(start):
         done, uniform = 0, 0.0
@@ -89,7 +91,7 @@ def test_a_passage_at_a_time_is_what_passage_says():
 
 def test_an_independent_integrator_agrees():
     """SciPy's eighth-order method in days, the form in NumPy, the limit as its event: 1e-6."""
-    jump = Engine(toy.case(), tolerance=1e-7).run(toy.profiles([3]), np.zeros(0))
+    jump = engine_for(toy.case(), tolerance=1e-7).run(toy.profiles([3]), np.zeros(0))
     case, pairs = toy.case(), mode_pairs(np.arange(6, 67))
     form = train_form(case.transfers[0], case.model, pairs)
     start = toy.profiles([3])[0]
@@ -118,7 +120,7 @@ def test_identical_trains_make_a_day_of_passages(jump):
 
     The elasticity is then (72/73 − 1)/(1/72) = −72/73 whatever the track: an identity.
     """
-    more = Engine(toy.case((("passenger", 73),))).run(toy.profiles(range(16)), np.zeros(0))
+    more = engine_for(toy.case((("passenger", 73),))).run(toy.profiles(range(16)), np.zeros(0))
     # the two runs differ in the scale of time only: both are right to the integrator's 1e-7
     np.testing.assert_allclose(more.days * 73, jump.days * 72, rtol=1e-6)
     elasticity = (more.days / jump.days - 1) * 72
@@ -128,7 +130,7 @@ def test_identical_trains_make_a_day_of_passages(jump):
 def test_identical_trains_take_the_same_passages():
     """Passage by passage the same updates in the same order: the same count, to the last one."""
     counts = [
-        Engine(toy.case((("car", n),), shortest=8.0, settlement_factor=3e4), "every_axle")
+        engine_for(toy.case((("car", n),), shortest=8.0, settlement_factor=3e4), "every_axle")
         .run(toy.profiles(range(8), shortest=8.0), np.zeros(0))
         .passages
         for n in (10, 13)
@@ -146,7 +148,7 @@ def test_small_profiles_grow_wave_by_wave(stepping, tolerance):
     """
     case = toy.case((("passenger", 72),), sd_limit=1.0, horizon=20.0)
     start = toy.profiles(range(2), sd=1e-9)
-    outcome = Engine(case, stepping, tolerance=1e-7).run(start, np.zeros(0))
+    outcome = engine_for(case, stepping, tolerance=1e-7).run(start, np.zeros(0))
     form = train_form(case.transfers[0], case.model, mode_pairs(np.arange(6, 67)))
     grown = [cycle_increment(law, 1e5, 20 * AXLES_PER_DAY) for law in case.model.group_laws]
     exponent = toy.FACTOR * np.array(grown) / 12 @ form.linear  # the form sums 12 axles
@@ -160,7 +162,7 @@ def test_days_converge_with_the_tolerance():
     case, profiles = toy.case(MIXED), toy.profiles(range(8))
 
     def days(tolerance):
-        return Engine(case, tolerance=tolerance).run(profiles, np.zeros(0)).days
+        return engine_for(case, tolerance=tolerance).run(profiles, np.zeros(0)).days
 
     best = days(1e-12)
     errors = [np.abs(days(t) / best - 1).max() for t in (1e-3, 1e-5, TOLERANCE, 1e-7)]
@@ -176,7 +178,7 @@ def test_out_of_time_is_censored(stepping):
     """A horizon before some limits: those rows have no days, a whole history and all passages."""
     case = toy.case(shortest=8.0, horizon=1.0, settlement_factor=1.6e4)
     samples = np.array([0.0, 0.25, 0.5, 1.0])
-    outcome = Engine(case, stepping).run(toy.profiles(range(30), shortest=8.0), samples)
+    outcome = engine_for(case, stepping).run(toy.profiles(range(30), shortest=8.0), samples)
     late = ~outcome.reached
     assert late.any()
     assert outcome.reached.any()
@@ -194,7 +196,7 @@ def test_out_of_time_is_censored(stepping):
 @pytest.mark.parametrize("stepping", ["cycle_jump", "every_axle"])
 def test_sampling_does_not_change_the_run(stepping):
     case = toy.case(shortest=8.0, settlement_factor=9e3)
-    engine, profiles = Engine(case, stepping), toy.profiles(range(10), shortest=8.0)
+    engine, profiles = engine_for(case, stepping), toy.profiles(range(10), shortest=8.0)
     few, many = np.array([0.0, 0.5, 3.0]), np.linspace(0.0, 3.0, 13)
     a, b = engine.run(profiles, few), engine.run(profiles, many)
     np.testing.assert_array_equal(a.days, b.days)
@@ -212,7 +214,7 @@ def test_sampling_does_not_change_the_run(stepping):
 
 def test_total_stress_settles_more(jump):
     """The geostatic part shares the sign of the quasi-static one: more mean settlement, fewer days."""
-    total = Engine(toy.case(stress="total")).run(toy.profiles(range(16)), DAYS)
+    total = engine_for(toy.case(stress="total")).run(toy.profiles(range(16)), DAYS)
     assert total.reached.all()
     assert np.all(total.mean_settlement / total.days > 2 * jump.mean_settlement / jump.days)
     assert np.all(total.days < 0.9 * jump.days)
@@ -227,8 +229,8 @@ def test_mixed_traffic_passage_by_passage(cycles):
     """
     case = toy.case(MIXED, cycles=cycles, horizon=12.0, settlement_factor=60.0)
     profiles, days = toy.profiles(range(7)), np.array([1.0, 3.0, 10.0])
-    exact = Engine(case, "every_axle").run(profiles, days)
-    jump = Engine(case).run(profiles, days)
+    exact = engine_for(case, "every_axle").run(profiles, days)
+    jump = engine_for(case).run(profiles, days)
     grown = exact.history - toy.SD
     assert np.abs((jump.history - exact.history) / grown).max() < 1e-3
     np.testing.assert_allclose(jump.sd_final, exact.sd_final, rtol=1e-5)
@@ -244,8 +246,8 @@ def test_mixed_traffic_reaches_the_limit_within_the_same_day(cycles):
     """
     case = toy.case(MIXED, cycles=cycles, settlement_factor=120.0)
     profiles = toy.profiles(range(7))
-    exact = Engine(case, "every_axle").run(profiles, np.zeros(0))
-    jump = Engine(case).run(profiles, np.zeros(0))
+    exact = engine_for(case, "every_axle").run(profiles, np.zeros(0))
+    jump = engine_for(case).run(profiles, np.zeros(0))
     assert exact.days.min() > 10
     late = exact.days - jump.days
     assert np.all(np.abs(late) < 3 / 840)
@@ -257,7 +259,7 @@ def test_a_track_at_its_limit_before_any_mixed_traffic_is_tamped_on_day_0():
     case = toy.case(MIXED, settlement_factor=120.0)
     rough = 2.0 * case.sd_limit / toy.SD * toy.profiles(range(3))
     for stepping in ("cycle_jump", "every_axle"):
-        outcome = Engine(case, stepping).run(rough, np.zeros(1))
+        outcome = engine_for(case, stepping).run(rough, np.zeros(1))
         assert outcome.reached.all()
         np.testing.assert_array_equal(outcome.days, 0.0)
 
@@ -268,7 +270,7 @@ def test_counting_per_vehicle_settles_more():
     Over 40 days shared N grows from 1e5 to 1.34e5, own ones to 1.14e5 and 1.19e5.
     """
     settled = [
-        Engine(toy.case(MIXED, cycles=cycles, horizon=40.0, settlement_factor=1.0))
+        engine_for(toy.case(MIXED, cycles=cycles, horizon=40.0, settlement_factor=1.0))
         .run(toy.profiles(range(4)), np.zeros(0))
         .mean_settlement
         for cycles in ("shared", "per_vehicle")
@@ -287,7 +289,7 @@ def test_the_order_of_the_day_is_kept():
     for name, services in (("first", MIXED[::-1]), ("last", MIXED)):
         for stepping in ("every_axle", "cycle_jump"):
             case = toy.case(services, horizon=3.0, sd_limit=1.0, settlement_factor=10.0, **few)
-            outcome = Engine(case, stepping).run(toy.profiles([0]), np.zeros(0))
+            outcome = engine_for(case, stepping).run(toy.profiles([0]), np.zeros(0))
             settled[name, stepping] = outcome.mean_settlement[0]
     exact = settled["first", "every_axle"] / settled["last", "every_axle"] - 1
     jump = settled["first", "cycle_jump"] / settled["last", "cycle_jump"] - 1
@@ -314,9 +316,9 @@ def test_daily_weights_are_a_day_of_increments():
 def test_a_factor_for_each_realisation_is_the_models():
     profiles = toy.profiles(range(3))
     case = toy.case(settlement_factor=1.0)
-    outcome = Engine(case).run(profiles, DAYS, np.array([200.0, 300.0, 400.0]))
+    outcome = CycleJump(case).run(profiles, DAYS, np.array([200.0, 300.0, 400.0]))
     for row, factor in enumerate((200.0, 300.0, 400.0)):
-        alone = Engine(toy.case(settlement_factor=factor)).run(profiles[row : row + 1], DAYS)
+        alone = engine_for(toy.case(settlement_factor=factor)).run(profiles[row : row + 1], DAYS)
         # the same steps; the factor is multiplied in at another place: rounding
         assert outcome.days[row] == pytest.approx(alone.days[0], rel=1e-10)
         np.testing.assert_allclose(outcome.history[row], alone.history[0], rtol=1e-10)
@@ -327,8 +329,8 @@ def test_pointwise_right_hand_side_agrees():
     profiles = toy.profiles(range(3), shortest=12.0)
     for laws, tolerance in ((toy.QUADRATIC_LAWS, 1e-8), (toy.LAWS, 3e-4)):
         case = toy.case((("car", 200),), shortest=12.0, laws=laws, settlement_factor=1e4)
-        fast = Engine(case).run(profiles, np.zeros(0))
-        slow = Engine(case, right_hand_side="pointwise").run(profiles, np.zeros(0))
+        fast = engine_for(case).run(profiles, np.zeros(0))
+        slow = engine_for(case, right_hand_side="pointwise").run(profiles, np.zeros(0))
         assert fast.reached.all()
         np.testing.assert_allclose(fast.days, slow.days, rtol=tolerance)
         np.testing.assert_allclose(fast.mean_settlement, slow.mean_settlement, rtol=tolerance)
@@ -339,8 +341,8 @@ def test_every_axle_at_every_x_and_depth():
     profiles = toy.profiles(range(3), shortest=12.0)
     for laws, tolerance in ((toy.QUADRATIC_LAWS, 1e-8), (toy.LAWS, 3e-4)):
         case = toy.case((("car", 200),), shortest=12.0, laws=laws, settlement_factor=1e4)
-        fast = Engine(case, "every_axle").run(profiles, DAYS[:1])
-        slow = Engine(case, "every_axle", "pointwise").run(profiles, DAYS[:1])
+        fast = engine_for(case, "every_axle").run(profiles, DAYS[:1])
+        slow = engine_for(case, "every_axle", "pointwise").run(profiles, DAYS[:1])
         assert fast.reached.all()
         np.testing.assert_allclose(fast.days, slow.days, rtol=tolerance, atol=1.01 / 800)
         np.testing.assert_allclose(fast.mean_settlement, slow.mean_settlement, rtol=1e-3)
@@ -351,7 +353,7 @@ def test_a_long_window_takes_the_sd_of_200_m():
     case = toy.case((("car", 100),), settlement_factor=3e3, **modes)
     start = toy.profiles(range(4), **modes)
     samples = np.array([0.0, 1.0])
-    outcome = Engine(case).run(start, samples)
+    outcome = engine_for(case).run(start, samples)
     np.testing.assert_allclose(outcome.sd_initial, toy.SD, rtol=1e-10)
     np.testing.assert_allclose(outcome.history[:, 0], toy.SD, rtol=1e-10)
     assert outcome.reached.all()
@@ -363,14 +365,14 @@ def test_a_long_window_takes_the_sd_of_200_m():
     whole = standard_deviation(outcome.amplitudes)
     assert np.abs(whole / toy.SD_LIMIT - 1).max() > 0.01
     with pytest.raises(ValueError, match="below 400 m"):
-        Engine(case, "every_axle")
+        engine_for(case, "every_axle")
 
 
 def test_realisations_over_the_limit_at_the_start_take_no_time():
     case = toy.case(shortest=8.0, settlement_factor=9e3)
     profiles = toy.profiles(range(3), sd=1.0, shortest=8.0) * np.array([[1e-3], [2e-3], [1.4e-3]])
     for stepping in ("cycle_jump", "every_axle"):
-        outcome = Engine(case, stepping).run(profiles, np.array([0.0]))
+        outcome = engine_for(case, stepping).run(profiles, np.array([0.0]))
         assert outcome.reached.all()
         assert outcome.days[1] == 0.0
         assert outcome.passages[1] == 0
@@ -378,11 +380,9 @@ def test_realisations_over_the_limit_at_the_start_take_no_time():
 
 
 def test_ticks_rise_to_the_end():
-    seen: list[tuple[int, int]] = []
-    case = toy.case(shortest=8.0, horizon=1.0)
-    Engine(case, "every_axle").run(
-        toy.profiles(range(2), shortest=8.0), np.array([0.5]), tick=lambda *now: seen.append(now)
-    )
+    case, profiles = toy.case(shortest=8.0, horizon=1.0), toy.profiles(range(2), shortest=8.0)
+    passages = foreseen_passages(case, profiles)
+    seen = [passages(day) for day in Stepwise(case).march(profiles, np.array([0.5]))]
     assert seen == sorted(seen)
     per_day = case.timetable.passages_per_day
     assert (per_day, 2 * per_day) in seen  # half a day of both tracks
@@ -392,12 +392,10 @@ def test_ticks_rise_to_the_end():
 def test_impossible_combinations_are_refused():
     case = toy.case(shortest=8.0)
     with pytest.raises(ValueError, match="choose from"):
-        Engine(case, "sometimes")
+        engine_for(case, "sometimes")
     with pytest.raises(ValueError, match="choose from"):
-        Engine(case, right_hand_side="guess")
+        engine_for(case, right_hand_side="guess")
     with pytest.raises(ValueError, match="cycle_jump"):
-        Engine(case, "every_train", "pointwise")
-    with pytest.raises(ValueError, match="cycle_jump"):
-        Engine(case, "every_axle").run(toy.profiles([0], shortest=8.0), DAYS, np.ones(1))
+        engine_for(case, "every_train", "pointwise")
     with pytest.raises(ValueError, match="one set of transfer functions per service"):
         Case(case.timetable, (), case.model, 200.0, 1.5e-3, 10.0)

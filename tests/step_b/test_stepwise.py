@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import toy
 
-from mcsettle.step_b.engine import Engine
+from mcsettle.step_b.engine import engine_for
 from mcsettle.step_b.expansion_error import worst_error
-from mcsettle.step_b.stepwise import Marching
+from mcsettle.step_b.stepwise import MarchState, Stepwise
 
 DAYS = np.array([0.0, 0.25, 0.75])
 
@@ -15,13 +15,19 @@ DAYS = np.array([0.0, 0.25, 0.75])
 def test_a_march_goes_on_to_the_last_bit(side):
     """From any launch: amplitudes, uniform settlement, counts and history as without a pause."""
     case = toy.case(shortest=8.0, horizon=1.0)
-    start, states = toy.profiles(range(3), shortest=8.0), list[Marching]()
+    start, states = toy.profiles(range(3), shortest=8.0), list[MarchState]()
     start[1] *= 1.4999 / 1.03  # reaches the limit on the way
-    machine = Engine(case, "every_axle", side)
-    whole = machine.run(start, DAYS, keep=lambda march: states.append(march()))
+    engine = Stepwise(case, "every_axle", side)
+    march = engine.march(start, DAYS)
+    for _ in march:
+        states.append(march.state())
+    whole = march.outcome()
     assert whole.reached.tolist() == [False, True, False]
     for state in (states[0], states[len(states) // 2]):
-        rest = machine.run(start, DAYS, begun=state)
+        march = engine.march(start, DAYS, state)
+        for _ in march:
+            pass
+        rest = march.outcome()
         for name in ("amplitudes", "mean_settlement", "passages", "days", "history"):
             np.testing.assert_array_equal(getattr(rest, name), getattr(whole, name))
 
@@ -30,7 +36,7 @@ def test_a_march_goes_on_to_the_last_bit(side):
 def test_single_precision_errs_by_its_own_digits(stepping):
     """The growth of each update has some 1e-6 of rounding, which neither biases nor adds up."""
     case, start = toy.case(horizon=3.0), toy.profiles(range(70))
-    outcomes = [Engine(case, stepping, precision=p).run(start, DAYS) for p in ("f64", "f32")]
+    outcomes = [engine_for(case, stepping, precision=p).run(start, DAYS) for p in ("f64", "f32")]
     grown = [outcome.amplitudes - start for outcome in outcomes]
     off = np.abs(grown[1] - grown[0]).max(axis=1) / np.abs(grown[0]).max(axis=1)
     assert 1e-9 < off.max() < 2e-6
@@ -40,7 +46,7 @@ def test_single_precision_errs_by_its_own_digits(stepping):
 def test_single_precision_at_every_x_and_depth():
     """The same, with the power's own series; not to the tracks' state, which stays double."""
     case, start = toy.case(shortest=8.0, horizon=1.0), toy.profiles(range(70), shortest=8.0)
-    engines = [Engine(case, "every_axle", "pointwise", precision=p) for p in ("f64", "f32")]
+    engines = [engine_for(case, "every_axle", "pointwise", precision=p) for p in ("f64", "f32")]
     outcomes = [engine.run(start, DAYS) for engine in engines]
     grown = [outcome.amplitudes - start for outcome in outcomes]
     off = np.abs(grown[1] - grown[0]).max(axis=1) / np.abs(grown[0]).max(axis=1)
@@ -51,9 +57,9 @@ def test_single_precision_at_every_x_and_depth():
 @pytest.mark.parametrize("side", ["spectral", "pointwise"])
 def test_single_precision_is_refused_where_there_is_none(side):
     with pytest.raises(ValueError, match="precision 'f32' takes"):
-        Engine(toy.case(shortest=8.0), "cycle_jump", side, precision="f32")
+        engine_for(toy.case(shortest=8.0), "cycle_jump", side, precision="f32")
     with pytest.raises(ValueError, match="precision 'f16'"):
-        Engine(toy.case(shortest=8.0), "cycle_jump", side, precision="f16")
+        engine_for(toy.case(shortest=8.0), "cycle_jump", side, precision="f16")
 
 
 def test_the_expansion_is_checked_at_the_limit_too():
