@@ -52,7 +52,7 @@ class March:
         """
         self._check_owner()
         self._launch(load, weights, *coefficients)
-        self._active[self._rows] = self._lanes(self.fields.active) > 0.5
+        self._active[self._rows] = self._lanes(self.fields.state.factor) > 0.0
         busy = int(self._active.sum())
         if busy <= (self.n_tiles - 1) * self.lanes:
             self._store()
@@ -65,7 +65,7 @@ class March:
         w = self.fields
         burst(
             load, weights, *coefficients, *self.tables, self.power_limit,
-            self.n_tiles, self.n_groups, w.u, w.v, w.du, w.active, w.uniform, w.passages,
+            self.n_tiles, self.n_groups, w.state,
         )  # fmt: skip
 
     def burst_size(self) -> int:
@@ -106,25 +106,25 @@ class March:
 
     def _load(self, rows: np.ndarray) -> None:
         """Put the realisations ``rows`` into lanes, in order."""
-        self._rows, w = rows, self.fields
-        w.owner[:] = [self]
+        self._rows, w = rows, self.fields.state
+        self.fields.owner[:] = [self]
         n_modes, u = self._u.shape[1], self._u[rows]
         room = np.zeros((len(rows), w.u.shape[1], 2))  # the field may hold more modes
         room[:, :n_modes, 0], room[:, :n_modes, 1] = u.real, u.imag
         w.u.from_numpy(self._tiled(room))
         self._copy(room)
-        w.active.from_numpy(self._tiled(self._active[rows].astype(float)))
+        w.factor.from_numpy(self._tiled(self._active[rows].astype(float)))
         w.uniform.from_numpy(self._tiled(self._uniform[rows]))
         w.passages.from_numpy(self._tiled(self._updates[rows]))
 
     def _copy(self, amplitudes: np.ndarray) -> None:
         """The copy of the state that single precision computes from."""
         if self.precision != "f64":
-            self.fields.v.from_numpy(self._tiled(amplitudes.astype(np.float32)))
+            self.fields.state.v.from_numpy(self._tiled(amplitudes.astype(np.float32)))
 
     def _store(self) -> None:
         """Bring the lanes' state back to their realisations."""
-        rows, w = self._rows, self.fields
+        rows, w = self._rows, self.fields.state
         self._check_owner()
         values = np.moveaxis(w.u.to_numpy(), -1, 1).reshape(CAPACITY, -1, 2)
         values = values[: len(rows), : self._u.shape[1]]
@@ -164,12 +164,12 @@ class PointwiseMarch(March):
     def _workspace(self, n_modes: int) -> Any:
         n_points = len(self.tables[6])
         w = pointwise.workspace(n_modes, n_points, self.n_groups, self.precision)
-        w.own.fill(1.0)
+        w.scratch.own.fill(1.0)
         return w
 
     def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
         w = self.fields
         pointwise.burst(
-            load, weights, *self.tables, w.rows, 0, self.power_limit,
-            self.n_tiles, self.n_groups, *w.scratch(),
+            load, weights, *self.tables, w.scratch, 0, self.power_limit,
+            self.n_tiles, self.n_groups, w.state,
         )  # fmt: skip

@@ -32,7 +32,7 @@ from mcsettle.kernels.pointwise_tile import (
     take_up,
     weigh,
 )
-from mcsettle.kernels.spectral import CAPACITY, LANES, PRECISIONS, step_on
+from mcsettle.kernels.spectral import CAPACITY, LANES, PRECISIONS, State, step_on
 
 WORKERS = 16
 # What becomes of a transform's fields: squares, two deviators of a first or next depth, their third.
@@ -40,24 +40,23 @@ SQUARES, BEGIN, NEXT = 0, 1, 2
 
 
 @dataclass(frozen=True)
+class Scratch:
+    """Arrays over x of the workers, ``w`` [worker, row, lane], where their rows begin, and what each
+    realisation's growth of the cycle functions is multiplied by, ``own`` [tile, group, lane].
+    """
+
+    rows: Rows
+    own: ti.Field
+    w: ti.Field
+
+
+@dataclass(frozen=True)
 class Workspace:
     """Fields of one band and grid, allocated once and reused for every batch (as spectral's)."""
 
-    rows: Rows
-    u: ti.Field
-    du: ti.Field
-    own: ti.Field
-    active: ti.Field
-    uniform: ti.Field
-    passages: ti.Field
-    w: ti.Field
+    state: State
+    scratch: Scratch
     owner: list[object]
-
-    def scratch(self) -> tuple[ti.Field, ...]:
-        """The fields in the order of the kernel's arguments."""
-        return (
-            self.u, self.du, self.own, self.active, self.uniform, self.passages, self.w,
-        )  # fmt: skip
 
 
 def workspace(n_modes: int, n_points: int, n_groups: int, precision: str = "f64") -> Workspace:
@@ -71,12 +70,12 @@ def workspace(n_modes: int, n_points: int, n_groups: int, precision: str = "f64"
 def _allocated(n_modes: int, n_points: int, precision: str) -> Workspace:
     rows, lanes = rows_of(n_points), LANES[precision]
     n_tiles = CAPACITY // lanes
-    u, du = (ti.field(ti.f64, shape=(n_tiles, n_modes, 2, lanes)) for _ in range(2))
+    u, d = (ti.field(ti.f64, shape=(n_tiles, n_modes, 2, lanes)) for _ in range(2))
     own = ti.field(ti.f64, shape=(n_tiles, GROUPS, lanes))
-    active, uniform = (ti.field(ti.f64, shape=(n_tiles, lanes)) for _ in range(2))
+    factor, uniform = (ti.field(ti.f64, shape=(n_tiles, lanes)) for _ in range(2))
     passages = ti.field(ti.i64, shape=(n_tiles, lanes))
     w = ti.field(PRECISIONS[precision], shape=(WORKERS, rows.count, lanes))
-    return Workspace(rows, u, du, own, active, uniform, passages, w, [])
+    return Workspace(State(u, u, d, factor, uniform, passages), Scratch(rows, own, w), [])
 
 
 @ti.kernel
@@ -93,62 +92,67 @@ def burst(
     constant: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [J, G]
     wave: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [X, 2] cos, sin of 2π x / X
     band: ti.types.ndarray(dtype=ti.i32, ndim=1),  # first mode; butterflies of two modes: from, to
-    rows: ti.template(),  # Rows of the scratch field
-    frozen: ti.i32,  # 1: profiles stay as they are, their growth adds up in ``d``
+    scratch: ti.template(),
+    frozen: ti.i32,  # 1: profiles stay as they are, their growth adds up in ``state.d``
     power_limit: ti.f64,  # 2 sd_limit²
     n_tiles: ti.i32,
     n_groups: ti.i32,
-    u: ti.template(),  # state
-    d: ti.template(),
-    own: ti.template(),  # growth of the cycle functions of each realisation, a factor
-    active: ti.template(),
-    uniform: ti.template(),
-    passages: ti.template(),
-    w: ti.template(),  # scratch
+    state: ti.template(),
 ):
     """Advance every active realisation by the given passages, or collect its growth under them."""
+    w = ti.static(scratch.w)
     for worker in range(WORKERS):
         p = worker & (WORKERS - 1)
         w[p, 0, 0] = ti.cast(
-            u[0, 0, 0, 0], w.dtype
+            state.u[0, 0, 0, 0], w.dtype
         )  # see the spectral module's note on vectorisation
         n_modes, first = linear.shape[2], band[0]
         for turn in range((n_tiles - p + WORKERS - 1) // WORKERS):
-            t = (p + turn * WORKERS) & (u.shape[0] - 1)
-            clear_rows(p, rows.up, rows.weights, w)
-            put_one(p, rows.up, w)
+            t = (p + turn * WORKERS) & (state.u.shape[0] - 1)
+            clear_rows(p, scratch.rows.up, scratch.rows.weights, w)
+            put_one(p, scratch.rows.up, w)
             for step in range(axle.shape[0]):
                 j = axle[step]
+                # A passage over a profile of its own begins anew; growth at a frozen one adds up.
                 if frozen == 0 or step == 0:
-                    clear_rows(p, rows.settled, rows.squared[0], w)
-                    clear_rows(p, rows.grown, rows.weights, w)
-                    take_up(p, t, rows, n_modes, first, u, w)
-                weigh(p, t, rows, j, step, n_groups, growth, constant, own, active, uniform, w)
-                add_linear(p, rows, j, first, linear, w)
+                    clear_rows(p, scratch.rows.settled, scratch.rows.squared[0], w)
+                    clear_rows(p, scratch.rows.grown, scratch.rows.weights, w)
+                    take_up(p, t, scratch.rows, n_modes, first, state.u, w)
+                weigh(p, t, j, step, n_groups, growth, constant, scratch, state)
+                add_linear(p, scratch.rows, j, first, linear, w)
+                # Two fields at a time from modes to x, where they settle.
                 for c in range(start[j], start[j + 1]):
-                    first_pass(p, c, rows, response, wave, band, w)
-                    pick_weights(p, kind[c, 1], kind[c, 2], law[c, 0], rows, w)
+                    first_pass(p, c, scratch.rows, response, wave, band, w)
+                    pick_weights(p, kind[c, 1], kind[c, 2], law[c, 0], scratch.rows, w)
                     for quarter in range(4):
-                        begin = quarter * rows.q
-                        for r, hop in ti.static(stages(rows.points)):
-                            for b in range(rows.points // 4 // (r * hop)):
+                        begin = quarter * scratch.rows.q
+                        for r, hop in ti.static(stages(scratch.rows.points)):
+                            for b in range(scratch.rows.points // 4 // (r * hop)):
                                 pass_back(
-                                    w, p, begin + b * (r * hop), r, hop, rows.im, rows.points, wave
+                                    w,
+                                    p,
+                                    begin + b * (r * hop),
+                                    r,
+                                    hop,
+                                    scratch.rows.im,
+                                    scratch.rows.points,
+                                    wave,
                                 )
                         if kind[c, 0] == SQUARES:
-                            add_squares(p, begin, rows, w)
+                            add_squares(p, begin, scratch.rows, w)
                         elif kind[c, 0] == BEGIN:
-                            begin_power(p, begin, rows, 0, w)
+                            begin_power(p, begin, scratch.rows, 0, w)
                         elif kind[c, 0] == NEXT:
-                            begin_power(p, begin, rows, 1, w)
+                            begin_power(p, begin, scratch.rows, 1, w)
                         else:
-                            add_power(p, begin, law[c, 1], rows, w)
+                            add_power(p, begin, law[c, 1], scratch.rows, w)
+                # What has settled, back to modes.
                 if frozen == 0 or step == axle.shape[0] - 1:
-                    forwards(w, p, rows.settled, rows.q, rows.points, wave)
-                    collect(p, t, rows, n_modes, first, wave, active, uniform, w)
-                    give_back(p, t, rows, n_modes, first, d, w)
+                    forwards(w, p, scratch.rows.settled, scratch.rows.q, scratch.rows.points, wave)
+                    collect(p, t, scratch.rows, n_modes, first, wave, state, w)
+                    give_back(p, t, scratch.rows, n_modes, first, state.d, w)
                 if frozen == 0:
-                    step_on(t, n_modes, power_limit, u, d, active, passages)
+                    step_on(t, n_modes, power_limit, state)
 
 
 @ti.kernel
@@ -156,22 +160,20 @@ def fill(
     amplitudes: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, K, 2]
     weights: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [R, G]
     n_tiles: ti.i32,
-    u: ti.template(),
     own: ti.template(),
-    active: ti.template(),
-    uniform: ti.template(),
+    state: ti.template(),
 ):
     """Put realisations into lanes; those left over repeat the last."""
     for t in range(n_tiles):
-        for lane in range(u.shape[3]):
-            r = ti.min(t * u.shape[3] + lane, amplitudes.shape[0] - 1)
-            active[t, lane] = 1.0
-            uniform[t, lane] = 0.0
+        for lane in range(state.u.shape[3]):
+            r = ti.min(t * state.u.shape[3] + lane, amplitudes.shape[0] - 1)
+            state.factor[t, lane] = 1.0
+            state.uniform[t, lane] = 0.0
             for g in range(weights.shape[1]):
                 own[t, g, lane] = weights[r, g]
             for k in range(amplitudes.shape[1]):
-                u[t, k, 0, lane] = amplitudes[r, k, 0]
-                u[t, k, 1, lane] = amplitudes[r, k, 1]
+                state.u[t, k, 0, lane] = amplitudes[r, k, 0]
+                state.u[t, k, 1, lane] = amplitudes[r, k, 1]
 
 
 @ti.kernel
@@ -207,6 +209,6 @@ def evaluate(
     for first in range(0, len(u), CAPACITY):
         part = slice(first, min(first + CAPACITY, len(u)))
         n_tiles = -(-(part.stop - first) // LANES["f64"])
-        fill(u[part], weights[part], n_tiles, w.u, w.own, w.active, w.uniform)
-        burst(axles, ones, *tables, w.rows, 1, 0.0, n_tiles, n_groups, *w.scratch())
-        fetch(w.du, w.uniform, change[part], uniform[part])
+        fill(u[part], weights[part], n_tiles, w.scratch.own, w.state)
+        burst(axles, ones, *tables, w.scratch, 1, 0.0, n_tiles, n_groups, w.state)
+        fetch(w.state.d, w.state.uniform, change[part], uniform[part])

@@ -108,19 +108,19 @@ def take_up(
 
 @ti.func
 def weigh(
-    p: int, t: int, rows: ti.template(), j: int, step: int, n_groups: int,
-    growth: ti.template(), constant: ti.template(),
-    own: ti.template(), active: ti.template(), uniform: ti.template(), w: ti.template(),
+    p: int, t: int, j: int, step: int, n_groups: int, growth: ti.template(),
+    constant: ti.template(), scratch: ti.template(), state: ti.template(),
 ):  # fmt: skip
     """Weights of the groups in this passage, and what settles whatever the profile."""
+    w, weights = ti.static(scratch.w, scratch.rows.weights)
     for group in range(n_groups):
         g = group & (GROUPS - 1)
         every = growth[step, g]
         c = constant[j, g]
         for lane in range(w.shape[2]):
-            mine = every * own[t, g, lane]
-            w[p, rows.weights + g, lane] = ti.cast(mine, w.dtype)
-            uniform[t, lane] = uniform[t, lane] + active[t, lane] * (mine * c)
+            mine = every * scratch.own[t, g, lane]
+            w[p, weights + g, lane] = ti.cast(mine, w.dtype)
+            state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * (mine * c)
 
 
 @ti.func
@@ -302,7 +302,7 @@ def add_power(p: int, begin: int, m: float, rows: ti.template(), w: ti.template(
 @ti.func
 def collect(
     p: int, t: int, rows: ti.template(), n_modes: int, first: int,
-    wave: ti.template(), active: ti.template(), uniform: ti.template(), w: ti.template(),
+    wave: ti.template(), state: ti.template(), w: ti.template(),
 ):  # fmt: skip
     """Growth of the modes and uniform settlement from the transforms of the four quarters."""
     q, s, quarter = ti.static(rows.q, rows.settled, rows.points // 4)
@@ -311,7 +311,7 @@ def collect(
         total = (w[p, s, lane] + w[p, s + q, lane]) + (
             w[p, s + 2 * q, lane] + w[p, s + 3 * q, lane]
         )
-        uniform[t, lane] = uniform[t, lane] + active[t, lane] * (e * total)
+        state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * (e * total)
     for mode in range(n_modes):
         n = first + mode
         to = (rows.grown + n) & POINTS

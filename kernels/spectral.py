@@ -34,19 +34,31 @@ Tables = tuple[np.ndarray, ...]
 
 
 @dataclass(frozen=True)
+class State:
+    """Realisations in their lanes, as the kernels take them.
+
+    ``u`` [tile, mode, part, lane] amplitudes, m; ``v`` what the growth is computed from; ``d`` the
+    growth; ``factor`` [tile, lane] multiplies a realisation's growth, 0 once it has stopped; ``uniform``
+    [tile, lane] settlement, m; ``passages`` [tile, lane].
+    """
+
+    u: ti.Field
+    v: ti.Field
+    d: ti.Field
+    factor: ti.Field
+    uniform: ti.Field
+    passages: ti.Field
+
+
+@dataclass(frozen=True)
 class Workspace:
     """Fields of one band of modes, allocated once and reused for every batch.
 
     ``owner`` holds whoever has left its state in them last: a march that finds another there stops.
     """
 
-    u: ti.Field
-    v: ti.Field
-    du: ti.Field
+    state: State
     weight: ti.Field
-    active: ti.Field
-    uniform: ti.Field
-    passages: ti.Field
     owner: list[object]
 
 
@@ -56,12 +68,12 @@ def workspace(n_modes: int, n_weights: int, precision: str = "f64") -> Workspace
     kind, lanes = PRECISIONS[precision], LANES[precision]
     n_tiles = CAPACITY // lanes
     shape = (n_tiles, n_modes, 2, lanes)
-    u, du = ti.field(ti.f64, shape=shape), ti.field(kind, shape=shape)
+    u, d = ti.field(ti.f64, shape=shape), ti.field(kind, shape=shape)
     v = u if precision == "f64" else ti.field(kind, shape=shape)
     weight = ti.field(kind, shape=(n_tiles, n_weights, lanes))
-    active, uniform = (ti.field(ti.f64, shape=(n_tiles, lanes)) for _ in range(2))
+    factor, uniform = (ti.field(ti.f64, shape=(n_tiles, lanes)) for _ in range(2))
     passages = ti.field(ti.i64, shape=(n_tiles, lanes))
-    return Workspace(u, v, du, weight, active, uniform, passages, [])
+    return Workspace(State(u, v, d, factor, uniform, passages), weight, [])
 
 
 def evaluate_rates(
@@ -82,7 +94,7 @@ def evaluate_rates(
         n_real = part.stop - part.start
         rates(
             u[part], weights[part], form, constant, mean, *tables,
-            n_real, len(constant), w.u, w.weight, growth[part], uniform[part],
+            n_real, len(constant), w.state.u, w.weight, growth[part], uniform[part],
         )  # fmt: skip
 
 
@@ -115,20 +127,16 @@ def rates(
         re = ti.Vector.zero(ti.f64, lanes)
         im = ti.Vector.zero(ti.f64, lanes)
         total = ti.Vector.zero(ti.f64, lanes)
-        for k in range(n_modes):
-            for lane in range(lanes):
-                r = ti.min(first + lane, n_real - 1)
-                s[t, k, 0, lane] = u[r, k, 0]
-                s[t, k, 1, lane] = u[r, k, 1]
-        for e in range(n_forms):
-            for lane in range(lanes):
-                weight[t, e, lane] = w[ti.min(first + lane, n_real - 1), e]
+        # Realisations and their weights into lanes; those left over repeat the last.
+        take_rows(t, first, n_modes, n_real, u, s)
+        take_weights(t, first, n_forms, n_real, w, weight)
         for e in range(n_forms):
             c0 = constant[e]
             for lane in range(lanes):
                 total[lane] = total[lane] + weight[t, e, lane] * c0
         for mode in range(n_modes):
             n = mode & ROWS
+            # The linear part, and what the mode adds to the uniform settlement.
             a = ti.Vector([form[e, n, 0] for e in ti.static(range(n_forms))])
             b = ti.Vector([form[e, n, 1] for e in ti.static(range(n_forms))])
             g = ti.Vector([mean[e, n] for e in ti.static(range(n_forms))])
@@ -145,36 +153,13 @@ def rates(
                 re[lane] = ca * x - cb * y
                 im[lane] = ca * y + cb * x
                 total[lane] = total[lane] + cg * (x * x + y * y)
+            # Pairs of modes whose numbers add up to n, then those that differ by n.
             for p in range(sum_start[n], sum_start[n + 1]):
-                i = sums[p, 0] & ROWS
-                j = sums[p, 1] & ROWS
-                a = ti.Vector([form[e, n_modes + p, 0] for e in ti.static(range(n_forms))])
-                b = ti.Vector([form[e, n_modes + p, 1] for e in ti.static(range(n_forms))])
-                for lane in range(lanes):
-                    ca = 0.0
-                    cb = 0.0
-                    for e in ti.static(range(n_forms)):
-                        ca = ca + weight[t, e, lane] * a[e]
-                        cb = cb + weight[t, e, lane] * b[e]
-                    xr = s[t, i, 0, lane] * s[t, j, 0, lane] - s[t, i, 1, lane] * s[t, j, 1, lane]
-                    xi = s[t, i, 0, lane] * s[t, j, 1, lane] + s[t, i, 1, lane] * s[t, j, 0, lane]
-                    re[lane] = re[lane] + (ca * xr - cb * xi)
-                    im[lane] = im[lane] + (ca * xi + cb * xr)
+                own_product(t, n_modes + p, p, sums, form, weight, n_forms, False, s, re, im)
             for p in range(diff_start[n], diff_start[n + 1]):
-                i = diffs[p, 0] & ROWS
-                j = diffs[p, 1] & ROWS
-                a = ti.Vector([form[e, n_modes + n_sums + p, 0] for e in ti.static(range(n_forms))])
-                b = ti.Vector([form[e, n_modes + n_sums + p, 1] for e in ti.static(range(n_forms))])
-                for lane in range(lanes):
-                    ca = 0.0
-                    cb = 0.0
-                    for e in ti.static(range(n_forms)):
-                        ca = ca + weight[t, e, lane] * a[e]
-                        cb = cb + weight[t, e, lane] * b[e]
-                    xr = s[t, i, 0, lane] * s[t, j, 0, lane] + s[t, i, 1, lane] * s[t, j, 1, lane]
-                    xi = s[t, i, 1, lane] * s[t, j, 0, lane] - s[t, i, 0, lane] * s[t, j, 1, lane]
-                    re[lane] = re[lane] + (ca * xr - cb * xi)
-                    im[lane] = im[lane] + (ca * xi + cb * xr)
+                own_product(
+                    t, n_modes + n_sums + p, p, diffs, form, weight, n_forms, True, s, re, im
+                )
             for lane in range(lanes):
                 if first + lane < n_real:
                     out[first + lane, n, 0] = re[lane]
@@ -185,27 +170,77 @@ def rates(
 
 
 @ti.func
-def step_on(
-    t: int, n_modes: int, power_limit: float, u: ti.template(), d: ti.template(),
-    active: ti.template(), passages: ti.template(),
+def take_rows(t: int, first: int, n_modes: int, n_real: int, u: ti.template(), s: ti.template()):
+    """Copy the amplitudes of realisations ``first`` … to the lanes of a tile."""
+    for k in range(n_modes):
+        for lane in range(s.shape[3]):
+            r = ti.min(first + lane, n_real - 1)
+            s[t, k, 0, lane] = u[r, k, 0]
+            s[t, k, 1, lane] = u[r, k, 1]
+
+
+@ti.func
+def take_weights(
+    t: int, first: int, n_forms: ti.template(), n_real: int, w: ti.template(), weight: ti.template()
+):
+    """Copy the weights of realisations ``first`` … to the lanes of a tile."""
+    for e in range(n_forms):
+        for lane in range(weight.shape[2]):
+            weight[t, e, lane] = w[ti.min(first + lane, n_real - 1), e]
+
+
+@ti.func
+def own_product(
+    t: int, row: int, p: int, pairs: ti.template(), form: ti.template(), weight: ti.template(),
+    n_forms: ti.template(), conjugate: ti.template(), s: ti.template(),
+    re: ti.template(), im: ti.template(),
 ):  # fmt: skip
+    """Add a product of two modes, its coefficient weighted lane by lane."""
+    i = pairs[p, 0] & ROWS
+    j = pairs[p, 1] & ROWS
+    a = ti.Vector([form[e, row, 0] for e in ti.static(range(n_forms))])
+    b = ti.Vector([form[e, row, 1] for e in ti.static(range(n_forms))])
+    for lane in range(s.shape[3]):
+        ca = 0.0
+        cb = 0.0
+        for e in ti.static(range(n_forms)):
+            ca = ca + weight[t, e, lane] * a[e]
+            cb = cb + weight[t, e, lane] * b[e]
+        xr, xi = product(t, i, j, lane, conjugate, s)
+        re[lane] = re[lane] + (ca * xr - cb * xi)
+        im[lane] = im[lane] + (ca * xi + cb * xr)
+
+
+@ti.func
+def product(t: int, i: int, j: int, lane: int, conjugate: ti.template(), s: ti.template()):
+    """U_i U_j of a lane, or U_i U*_j."""
+    xr = s[t, i, 0, lane] * s[t, j, 0, lane] - s[t, i, 1, lane] * s[t, j, 1, lane]
+    xi = s[t, i, 0, lane] * s[t, j, 1, lane] + s[t, i, 1, lane] * s[t, j, 0, lane]
+    if ti.static(conjugate):
+        xr = s[t, i, 0, lane] * s[t, j, 0, lane] + s[t, i, 1, lane] * s[t, j, 1, lane]
+        xi = s[t, i, 1, lane] * s[t, j, 0, lane] - s[t, i, 0, lane] * s[t, j, 1, lane]
+    return xr, xi
+
+
+@ti.func
+def step_on(t: int, n_modes: int, power_limit: float, state: ti.template()):
     """Add the growth to the profiles of a tile; those that reach the limit stop there."""
-    lanes = ti.static(u.shape[3])
+    lanes = ti.static(state.u.shape[3])
     power = ti.Vector.zero(ti.f64, lanes)
     for mode in range(n_modes):
         k = mode & ROWS
         for lane in range(lanes):
-            x = u[t, k, 0, lane] + active[t, lane] * d[t, k, 0, lane]
-            y = u[t, k, 1, lane] + active[t, lane] * d[t, k, 1, lane]
-            u[t, k, 0, lane] = x
-            u[t, k, 1, lane] = y
+            x = state.u[t, k, 0, lane] + state.factor[t, lane] * state.d[t, k, 0, lane]
+            y = state.u[t, k, 1, lane] + state.factor[t, lane] * state.d[t, k, 1, lane]
+            state.u[t, k, 0, lane] = x
+            state.u[t, k, 1, lane] = y
             power[lane] = power[lane] + (x * x + y * y)
     for lane in range(lanes):
-        if active[t, lane] > 0.5:
-            passages[t, lane] = passages[t, lane] + 1
+        if state.factor[t, lane] > 0.0:
+            state.passages[t, lane] = state.passages[t, lane] + 1
             # Written so that an amplitude that is no number stops, too.
             if not power[lane] < power_limit:
-                active[t, lane] = 0.0
+                state.factor[t, lane] = 0.0
 
 
 @ti.kernel
@@ -222,99 +257,94 @@ def burst(
     power_limit: ti.f64,  # 2 sd_limit²
     n_tiles: ti.i32,
     n_groups: ti.template(),
-    u: ti.template(),  # state
-    s: ti.template(),  # the state or its copy in single precision
-    d: ti.template(),
-    active: ti.template(),
-    uniform: ti.template(),
-    passages: ti.template(),
+    state: ti.template(),
 ):
     """Advance every active realisation by the given passages, one update each.
 
-    A realisation whose Σ|U|² reaches ``power_limit`` stops there: ``active`` falls to 0 and
+    A realisation whose Σ|U|² reaches ``power_limit`` stops there: its ``factor`` falls to 0 and
     ``passages`` keeps the count.
     """
     n_modes = sum_start.shape[0] - 1
-    n_sums = sums.shape[0]
-    lanes = ti.static(s.shape[3])
+    lanes = ti.static(state.v.shape[3])
     for tile in range(n_tiles):
-        t = tile & (s.shape[0] - 1)
-        d[t, 0, 0, 0] = s[t, 0, 0, 0]  # see the module's note on vectorisation
-        re = ti.Vector.zero(d.dtype, lanes)
-        im = ti.Vector.zero(d.dtype, lanes)
+        t = tile & (state.v.shape[0] - 1)
+        state.d[t, 0, 0, 0] = state.v[t, 0, 0, 0]  # see the module's note on vectorisation
+        re = ti.Vector.zero(state.d.dtype, lanes)
+        im = ti.Vector.zero(state.d.dtype, lanes)
         for step in range(axle.shape[0]):
             a = axle[step]
             w = ti.Vector([weight[step, g] for g in ti.static(range(n_groups))])
+            # What settles whatever the profile.
             c0 = 0.0
             for g in ti.static(range(n_groups)):
                 c0 = c0 + w[g] * constant[a, g]
             for lane in range(lanes):
-                uniform[t, lane] = uniform[t, lane] + active[t, lane] * c0
+                state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * c0
             for mode in range(n_modes):
                 n = mode & ROWS
-                ca = 0.0
-                cb = 0.0
-                cg = 0.0
-                for g in ti.static(range(n_groups)):
-                    ca = ca + w[g] * form[a, g, n, 0]
-                    cb = cb + w[g] * form[a, g, n, 1]
-                    cg = cg + w[g] * mean[a, g, n]
-                la = ti.cast(ca, d.dtype)
-                lb = ti.cast(cb, d.dtype)
-                for lane in range(lanes):
-                    x = s[t, n, 0, lane]
-                    y = s[t, n, 1, lane]
-                    re[lane] = la * x - lb * y
-                    im[lane] = la * y + lb * x
-                    uniform[t, lane] = uniform[t, lane] + active[t, lane] * cg * (x * x + y * y)
+                common_linear(t, a, n, w, form, mean, n_groups, state, re, im)
+                # Pairs of modes whose numbers add up to n, then those that differ by n.
                 for p in range(sum_start[n], sum_start[n + 1]):
-                    i = sums[p, 0] & ROWS
-                    j = sums[p, 1] & ROWS
-                    ta = 0.0
-                    tb = 0.0
-                    for g in ti.static(range(n_groups)):
-                        ta = ta + w[g] * form[a, g, n_modes + p, 0]
-                        tb = tb + w[g] * form[a, g, n_modes + p, 1]
-                    pa = ti.cast(ta, d.dtype)
-                    pb = ti.cast(tb, d.dtype)
-                    for lane in range(lanes):
-                        xr = (
-                            s[t, i, 0, lane] * s[t, j, 0, lane]
-                            - s[t, i, 1, lane] * s[t, j, 1, lane]
-                        )
-                        xi = (
-                            s[t, i, 0, lane] * s[t, j, 1, lane]
-                            + s[t, i, 1, lane] * s[t, j, 0, lane]
-                        )
-                        re[lane] = re[lane] + (pa * xr - pb * xi)
-                        im[lane] = im[lane] + (pa * xi + pb * xr)
+                    common_product(
+                        t, a, n_modes + p, p, sums, form, w, n_groups, False, state, re, im
+                    )
+                row = n_modes + sums.shape[0]
                 for p in range(diff_start[n], diff_start[n + 1]):
-                    i = diffs[p, 0] & ROWS
-                    j = diffs[p, 1] & ROWS
-                    ta = 0.0
-                    tb = 0.0
-                    for g in ti.static(range(n_groups)):
-                        ta = ta + w[g] * form[a, g, n_modes + n_sums + p, 0]
-                        tb = tb + w[g] * form[a, g, n_modes + n_sums + p, 1]
-                    qa = ti.cast(ta, d.dtype)
-                    qb = ti.cast(tb, d.dtype)
-                    for lane in range(lanes):
-                        xr = (
-                            s[t, i, 0, lane] * s[t, j, 0, lane]
-                            + s[t, i, 1, lane] * s[t, j, 1, lane]
-                        )
-                        xi = (
-                            s[t, i, 1, lane] * s[t, j, 0, lane]
-                            - s[t, i, 0, lane] * s[t, j, 1, lane]
-                        )
-                        re[lane] = re[lane] + (qa * xr - qb * xi)
-                        im[lane] = im[lane] + (qa * xi + qb * xr)
+                    common_product(t, a, row + p, p, diffs, form, w, n_groups, True, state, re, im)
                 for lane in range(lanes):
-                    d[t, n, 0, lane] = re[lane]
-                    d[t, n, 1, lane] = im[lane]
-            step_on(t, n_modes, power_limit, u, d, active, passages)
-            if ti.static(s.dtype != u.dtype):
+                    state.d[t, n, 0, lane] = re[lane]
+                    state.d[t, n, 1, lane] = im[lane]
+            step_on(t, n_modes, power_limit, state)
+            # Single precision computes the next growth from a copy.
+            if ti.static(state.v.dtype != state.u.dtype):
                 for k in range(n_modes):
                     for lane in range(lanes):
-                        s[t, k, 0, lane] = ti.cast(u[t, k, 0, lane], s.dtype)
-                        s[t, k, 1, lane] = ti.cast(u[t, k, 1, lane], s.dtype)
+                        state.v[t, k, 0, lane] = ti.cast(state.u[t, k, 0, lane], state.v.dtype)
+                        state.v[t, k, 1, lane] = ti.cast(state.u[t, k, 1, lane], state.v.dtype)
+
+
+@ti.func
+def common_linear(
+    t: int, a: int, n: int, w: ti.template(), form: ti.template(), mean: ti.template(),
+    n_groups: ti.template(), state: ti.template(), re: ti.template(), im: ti.template(),
+):  # fmt: skip
+    """Begin the growth of mode n with its linear part; add what it settles uniformly."""
+    ca = 0.0
+    cb = 0.0
+    cg = 0.0
+    for g in ti.static(range(n_groups)):
+        ca = ca + w[g] * form[a, g, n, 0]
+        cb = cb + w[g] * form[a, g, n, 1]
+        cg = cg + w[g] * mean[a, g, n]
+    la = ti.cast(ca, state.d.dtype)
+    lb = ti.cast(cb, state.d.dtype)
+    for lane in range(state.v.shape[3]):
+        x = state.v[t, n, 0, lane]
+        y = state.v[t, n, 1, lane]
+        re[lane] = la * x - lb * y
+        im[lane] = la * y + lb * x
+        state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * cg * (
+            x * x + y * y
+        )
+
+
+@ti.func
+def common_product(
+    t: int, a: int, row: int, p: int, pairs: ti.template(), form: ti.template(), w: ti.template(),
+    n_groups: ti.template(), conjugate: ti.template(), state: ti.template(),
+    re: ti.template(), im: ti.template(),
+):  # fmt: skip
+    """Add a product of two modes, its coefficient the same in every lane."""
+    i = pairs[p, 0] & ROWS
+    j = pairs[p, 1] & ROWS
+    ta = 0.0
+    tb = 0.0
+    for g in ti.static(range(n_groups)):
+        ta = ta + w[g] * form[a, g, row, 0]
+        tb = tb + w[g] * form[a, g, row, 1]
+    pa = ti.cast(ta, state.d.dtype)
+    pb = ti.cast(tb, state.d.dtype)
+    for lane in range(state.v.shape[3]):
+        xr, xi = product(t, i, j, lane, conjugate, state.v)
+        re[lane] = re[lane] + (pa * xr - pb * xi)
+        im[lane] = im[lane] + (pa * xi + pb * xr)
