@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mcsettle.analysis.posterior import Observation
 from mcsettle.errors import InputError
+from mcsettle.estimate.observation import Observation
 
 COLUMNS = ("day", "sd_mm", "sd_error_mm")
 

@@ -21,13 +21,13 @@ from mcsettle.analysis import calibration
 from mcsettle.estimate import crossed as nested
 from mcsettle.estimate import sample, total_index, variance
 from mcsettle.estimate.estimate import LEVELS, Estimate
-from mcsettle.estimate.likelihood import Likelihood, log_interval, log_mean, log_median
+from mcsettle.estimate.likelihood import Likelihood, likelihood_of, log_of
 from mcsettle.estimate.line_mean import line_means
+from mcsettle.estimate.observation import Observation
 from mcsettle.estimate.refit import weights_of_fits
 from mcsettle.estimate.resampling import as_interval
 from mcsettle.run.factor_fit import draw_factor
 from mcsettle.study.distributions import distribution
-from mcsettle.study.schema.observed import ObservedTable
 
 OF_SET, OF_TRACK, OF_BOTH = 0.5, 0.4, 0.1  # log standard deviations of the rates
 MEDIAN = 700.0
@@ -195,8 +195,8 @@ def conditioned_on(renewed: bool) -> Callable[..., Outcome]:
 
     def run(rng: np.random.Generator) -> Outcome:
         days = crossed(rng, 256, 40)
-        entry = ObservedTable(scenario="s", tamping_interval_days=SEEN, error_days=SEEN_ERROR)
-        weights = Likelihood((log_interval(entry, days),), ()).weights()
+        entry = Observation(None, SEEN, SEEN_ERROR)
+        weights = Likelihood((log_of(entry, days),), ()).weights()
         given = weights if renewed else weights.values
         found = nested.crossed_quantile(days, days, 0.5, "d", set_weights=given)
         return [(found, conditioned_median())]
@@ -207,8 +207,8 @@ def conditioned_on(renewed: bool) -> Callable[..., Outcome]:
 def conditioned_line(rng: np.random.Generator) -> Outcome:
     """Median over lines of 10 km instead."""
     days = crossed(rng, 256, 40)
-    entry = ObservedTable(scenario="s", tamping_interval_days=SEEN, error_days=SEEN_ERROR)
-    weights = Likelihood((log_interval(entry, days),), ()).weights()
+    entry = Observation(None, SEEN, SEEN_ERROR)
+    weights = Likelihood((log_of(entry, days),), ()).weights()
     found = line_means(days, 200.0, (10.0,), set_weights=weights)[0].quantiles[1]
     return [(found, conditioned_line_median())]
 
@@ -251,15 +251,11 @@ def fitted_factor(sections: int) -> Callable[..., Outcome]:
         log_days = np.log(3e4) + OF_TRACK * rng.normal(size=64)
         line = np.log(3e4 / truth) + OF_TRACK * rng.normal(size=sections)
         seen = float(np.exp(np.median(line)) * (1.0 + 0.03 * rng.normal()))
-        entry = ObservedTable(
-            scenario="s", tamping_interval_days=seen, error_days=0.03 * seen, sections=sections
-        )
+        entry = Observation(None, seen, 0.03 * seen, sections=sections)
 
         def likelihood(logs: np.ndarray, wanted: np.ndarray, n_tracks: int) -> np.ndarray:
             days = np.exp(log_days[None, :n_tracks] - wanted[:, None])
-            if sections > 1:
-                return log_median(entry, days)
-            return log_mean(log_interval(entry, days))
+            return likelihood_of([entry], lambda _: days).plain()
 
         ends = [draw_factor(likelihood, prior, share, 1.0).factor for share in (0.025, 0.5, 0.975)]
         return [(Estimate(ends[1], ends[0], ends[2], None, 64, 0, "1"), truth)]
@@ -273,13 +269,14 @@ def conditioned_fitted(rng: np.random.Generator) -> Outcome:
     The Monte Carlo error alone: the observed median is what it is, and so is the truth.
     """
     prior = distribution("log_uniform", {"low": 1.0, "high": 3000.0})
-    entry = ObservedTable(scenario="s", tamping_interval_days=697.0, error_days=35.0, sections=100)
+    entry = Observation(None, 697.0, 35.0, sections=100)
     base = np.log(crossed(rng, 64, 64) / MEDIAN * 3e4)
     rows, logs = [], []
     for own, share in zip(base, (rng.permutation(64) + rng.random(64)) / 64.0, strict=True):
 
         def likelihood(_: np.ndarray, wanted: np.ndarray, n: int, own: Any = own) -> np.ndarray:
-            return log_median(entry, np.exp(own[None, :n] - wanted[:, None]))
+            days = np.exp(own[None, :n] - wanted[:, None])
+            return likelihood_of([entry], lambda _: days).plain()
 
         fit = draw_factor(likelihood, prior, float(share), 1.0)
         rows.append(np.exp(own) / fit.factor)

@@ -17,11 +17,11 @@ from mcsettle.analysis.posterior import (
     HIGHEST,
     LOWEST,
     Ensemble,
-    Observation,
     least_squares,
     posterior_grid,
 )
 from mcsettle.errors import InputError
+from mcsettle.estimate.observation import Observation
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
 from mcsettle.units import MM
@@ -81,15 +81,15 @@ def forecast(
         )
     whole = Ensemble(study, scenario, name, rows, progress, processes)
     sd = whole.on(logs)
-    errors = np.array([row.sd_error_mm for row in rows]) * MM
+    errors = np.array([row.error for row in rows]) * MM
     bands = predicted(sd, weights, errors)
-    observed = np.array([row.sd_mm for row in rows]) * MM
+    observed = np.array([row.value for row in rows]) * MM
     shares = percentiles(sd, weights, errors, observed)
     return [
         Prediction(
             row.day,
             tuple(float(q) / MM for q in bands[place]),
-            row.sd_mm,
+            row.value,
             place >= len(rows) - hold_out,
             float(shares[place]),
         )

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from mcsettle.errors import InputError
+from mcsettle.estimate.observation import Observation
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
 from mcsettle.step_b.case import Case
@@ -28,15 +29,6 @@ FIRST_REACH = 0.5  # in log(factor), on each side of the least squares
 FEW = 20.0  # effective realisations below which the posterior is a matter of chance
 MISFIT = 3.0  # standard errors from the nearest realisation that is still called a fit
 LEVELS = (0.05, 0.5, 0.95)
-
-
-@dataclass(frozen=True)
-class Observation:
-    """SD of one section on a day after the start: mm, with its standard error, mm."""
-
-    day: float
-    sd_mm: float
-    sd_error_mm: float
 
 
 @dataclass(frozen=True)
@@ -120,8 +112,8 @@ class Ensemble:
         case: Case = build_case(study, prepared, variant, scenario)
         self.days = np.unique([o.day for o in observations])
         self.place = np.searchsorted(self.days, [o.day for o in observations])
-        self.sd = np.array([o.sd_mm for o in observations]) * MM
-        self.error = np.array([o.sd_error_mm for o in observations]) * MM
+        self.sd = np.array([o.value for o in observations]) * MM
+        self.error = np.array([o.error for o in observations]) * MM
         horizon = float(max(self.days[-1] * 1.001, 1.0))
         model = replace(case.model, settlement_factor=1.0)
         limit = max(case.sd_limit, float(np.max(self.sd + FAR * self.error)))

@@ -14,15 +14,15 @@ weights favour, their tracks are any.
 ``effective`` = (Σw)²/Σw² sets carry the weight. Few of them are a matter of chance.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 
 from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.likelihood import IMPOSSIBLE, likelihood
+from mcsettle.estimate.observation import Course, Observation
 from mcsettle.estimate.resampling import effective
-from mcsettle.study.study import Study
 
 FEW = 20.0  # effective sets below which conditioned numbers come with a warning
 TOO_FEW = 4.0  # and below which there are none
@@ -100,21 +100,13 @@ def weighted_bands(
 
 
 def conditioned(
-    study: Study, variant: str, realisations: pd.DataFrame, history: pd.DataFrame
+    variant: str, observations: Iterable[Observation], courses: Mapping[str, Course]
 ) -> Conditioning:
-    """Weights of the parameter sets of ``variant`` by the study's observations.
-
-    Parameters
-    ----------
-    study : Study, with observations
-    variant : str
-    realisations, history : tables of the run
+    """Weights of the parameter sets of ``variant`` by ``observations`` of its ``courses``.
 
     Raises
     ------
     InputError
         A scenario observed has no rows.
     """
-    found = likelihood(study, variant, realisations, history)
-    n_tracks = realisations["realisation"].nunique()
-    return Conditioning(variant, found.of_tracks(np.ones((1, n_tracks)))[0])
+    return Conditioning(variant, likelihood(observations, courses).plain())

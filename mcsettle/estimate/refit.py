@@ -13,15 +13,14 @@ evidence, in proportion to which the weight of the set changes. The prior is tak
 across the posterior.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-import pandas as pd
 
 from mcsettle.estimate.conditioning import FIT_TRACKS
 from mcsettle.estimate.likelihood import Likelihood, likelihood
+from mcsettle.estimate.observation import Course, Observation
 from mcsettle.estimate.resampling import SetWeights, remembered
-from mcsettle.study.study import Study
 
 POINTS = 25  # of the grid of δ of each set
 REACH = 6.0  # standard deviations of the posterior on each side
@@ -30,27 +29,21 @@ LARGEST = 4_000_000  # numbers held at a time
 
 
 def refitted_weights(
-    study: Study,
-    variant: str,
-    realisations: pd.DataFrame,
-    history: pd.DataFrame,
-    values: np.ndarray,
+    observations: Sequence[Observation], courses: Mapping[str, Course], values: np.ndarray
 ) -> SetWeights:
-    """The weights ``values`` [E] of a variant whose sets have fitted their factors, and their shifts.
+    """The weights ``values`` of a variant whose sets have fitted their factors, and their shifts.
 
     Parameters
     ----------
-    study : Study, with observations and a fitted factor
-    variant : str
-    realisations, history : tables of the run
+    observations : Observation
+    courses : by scenario, of the factors as fitted
     values : ndarray, shape [E], by the evidence of the fits
     """
-    n_tracks = int(realisations["realisation"].nunique())
-    used = realisations[realisations["realisation"] < FIT_TRACKS]
-    past = history if history.empty else history[history["realisation"] < FIT_TRACKS]
+    n_tracks = next(iter(courses.values())).days.shape[1]
+    fitted_on = {name: course.first(FIT_TRACKS) for name, course in courses.items()}
 
     def at(stretch: np.ndarray) -> Likelihood:
-        return likelihood(study, variant, used, past, stretch)
+        return likelihood(observations, fitted_on, stretch)
 
     return weights_of_fits(at, values, n_tracks)
 
@@ -90,17 +83,12 @@ def _grid(at: Callable[[np.ndarray], Likelihood], n_sets: int) -> np.ndarray:
     unit = np.linspace(-1.0, 1.0, POINTS)
     for _ in range(PASSES - 1):
         grid = centre[:, None] + half[:, None] * unit
-        logs = np.stack([_plain(at(delta)) for delta in grid.T], axis=1)
+        logs = np.stack([at(delta).plain() for delta in grid.T], axis=1)
         mean, _, sd = _moments(grid, logs)
         sound = np.isfinite(mean)  # else no factor brings the set near the observations
         centre = np.where(sound, mean, centre)
         half = np.where(sound, np.maximum(REACH * sd, 3.0 * half / (POINTS - 1)), half)
     return centre[:, None] + half[:, None] * unit
-
-
-def _plain(found: Likelihood) -> np.ndarray:
-    """Log likelihood [E] on the tracks as they are."""
-    return found.of_tracks(np.ones((1, found.n_tracks)))[0]
 
 
 def _fits(

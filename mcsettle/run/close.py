@@ -22,6 +22,7 @@ from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study
+from mcsettle.summary.courses import courses
 from mcsettle.summary.results import read_results, study_of
 from mcsettle.summary.summary import summary_rows
 
@@ -119,8 +120,8 @@ def _write_weights(
             logs = np.array([fits[e][variant].log_evidence for e in range(study.n_sets)])
             found.append(Conditioning(variant, logs))
         else:
-            tables = (results.realisations, results.history)
-            found.append(conditioned(study, variant, *tables))
+            courses_of = courses(variant, results.realisations, results.history)
+            found.append(conditioned(variant, study.observations, courses_of))
     last = study.run.realisations - 1
     store.write(at, "weights", name, rows.weight_columns(found), provenance, 0, last)
     return [f"{one.variant}: {one.remark}" for one in found if one.remark]

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from mcsettle.estimate.conditioning import FIT_TRACKS
-from mcsettle.estimate.likelihood import log_interval, log_mean, log_median, log_sd, sections_of
+from mcsettle.estimate.likelihood import likelihood_of
+from mcsettle.estimate.observation import Observation
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import Shelf, StepA, step_a
 from mcsettle.step_b.case import Case, Outcome
@@ -28,7 +29,6 @@ from mcsettle.storage.location import Place
 from mcsettle.storage.provenance import Provenance
 from mcsettle.study.distributions import Distribution
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
-from mcsettle.study.schema.observed import ObservedTable
 from mcsettle.study.schema.uncertain import UncertainTable
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
@@ -183,32 +183,26 @@ class _Model:
     def log_likelihood(self, logs: np.ndarray, wanted: np.ndarray, n_tracks: int) -> np.ndarray:
         """Log likelihood [W] at the log factors ``wanted``, from the engine at ``logs`` [F]."""
         profiles = initial_profiles(self.own, range(n_tracks), self.variant)
-        total = np.zeros(len(wanted))
-        for entries in sections_of(self.study.observed):
-            parts = []
-            for entry in entries:
-                values = _between(logs, self._values(entry, logs, profiles), wanted)
-                if entry.sections > 1:
-                    parts.append(log_median(entry, np.exp(values)))
-                elif entry.is_interval:
-                    parts.append(log_interval(entry, np.exp(values)))
-                else:
-                    parts.append(log_sd(entry, values))
-            found = np.sum(parts, axis=0)
-            total = total + (log_mean(found) if found.ndim > 1 else found)
-        return total
 
-    def _values(self, entry: ObservedTable, logs: np.ndarray, profiles: np.ndarray) -> np.ndarray:
+        def predicted(observation: Observation) -> np.ndarray:
+            values = _between(logs, self._values(observation, logs, profiles), wanted)
+            return np.exp(values) if observation.is_interval else values
+
+        return likelihood_of(self.study.observations, predicted).plain()
+
+    def _values(
+        self, observation: Observation, logs: np.ndarray, profiles: np.ndarray
+    ) -> np.ndarray:
         """Log days or SDs [mm], [F, R]; NaN where the track failed."""
-        case, n = self.cases[entry.scenario], len(profiles)
-        if entry.is_interval:
-            horizon = min(case.horizon, LONGER * (entry.tamping_interval_days or 0.0))
+        case, n = self.cases[observation.scenario], len(profiles)
+        if observation.day is None:
+            horizon = min(case.horizon, LONGER * observation.value)
             outcome = _advanced(replace(case, horizon=horizon), logs, profiles, np.zeros(0))
             days = np.where(outcome.reached, outcome.days, horizon)
             values = np.where(outcome.failed, np.nan, np.log(np.maximum(days, 1e-9)))
             return values.reshape(-1, n)
-        reach = ((entry.sd_mm or 0.0) + FAR * (entry.sd_error_mm or 0.0)) * MM
-        limit, day = max(case.sd_limit, reach), entry.day or 0.0
+        reach = (observation.value + FAR * observation.error) * MM
+        limit, day = max(case.sd_limit, reach), observation.day
         own = replace(case, sd_limit=limit, horizon=max(1.001 * day, 1.0))
         outcome = _advanced(own, logs, profiles, np.array([day]))
         sd = np.where(np.isnan(outcome.history[:, 0]), limit, outcome.history[:, 0]) / MM

@@ -16,6 +16,7 @@ from pydantic import PrivateAttr, ValidationError
 
 from mcsettle.economics import Change, speed_change, tonnage_change
 from mcsettle.errors import InputError
+from mcsettle.estimate.observation import Observation
 from mcsettle.railway.ground_profiles import Ground
 from mcsettle.railway.irregularity import wavenumbers
 from mcsettle.railway.measured_profiles import Record
@@ -95,6 +96,11 @@ class Study(StudyTables):
             if entry.fitted:
                 found |= dict.fromkeys(followers(self.variants, entry.input), entry)
         return found
+
+    @property
+    def observations(self) -> tuple[Observation, ...]:
+        """What was observed of the line."""
+        return tuple(entry.observation for entry in self.observed)
 
     @cached_property
     def trains(self) -> Mapping[str, Train]:

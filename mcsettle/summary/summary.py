@@ -22,6 +22,7 @@ from mcsettle.estimate.sample import summarise_effects, summarise_intervals
 from mcsettle.storage.tables import input_column
 from mcsettle.study.schema.published import ReferenceTable
 from mcsettle.study.study import Study
+from mcsettle.summary.courses import courses
 from mcsettle.summary.results import Results
 from mcsettle.summary.spread import effect_spread, interval_spread, matrix, sets_of
 from mcsettle.units import DAYS_PER_YEAR
@@ -107,11 +108,11 @@ def _set_weights(results: Results, variant: str) -> SetWeights | None:
     found = results.conditioning(variant)
     if found is None or not found.usable:
         return None
-    tables = results.realisations, results.history
+    by_scenario = courses(variant, results.realisations, results.history)
+    observations = results.study.observations
     if variant in results.study.fitted:
-        return refitted_weights(results.study, variant, *tables, found.weights)
-    own = likelihood(results.study, variant, *tables)
-    return replace(own.weights(), values=found.weights)
+        return refitted_weights(observations, by_scenario, found.weights)
+    return replace(likelihood(observations, by_scenario).weights(), values=found.weights)
 
 
 def _renamed(statistics: Iterable[Statistic]) -> tuple[Statistic, ...]:

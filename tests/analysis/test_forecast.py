@@ -9,10 +9,10 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from mcsettle.analysis.forecast import forecast, percentiles, posterior_weights, predicted
-from mcsettle.analysis.posterior import Observation
 from mcsettle.cli.app import app
 from mcsettle.cli.observations import read_observations
 from mcsettle.errors import InputError
+from mcsettle.estimate.observation import Observation
 from mcsettle.step_b.engine import engine_for
 from mcsettle.study.study import resolved_toml
 
@@ -111,7 +111,7 @@ def test_a_study_predicts_what_was_held_out(fresh_cache: Path, tmp_path: Path) -
         forecast(study, "v201", rows, 3)
     path = tmp_path / "study.toml"
     path.write_text(resolved_toml(study), encoding="utf-8")
-    text = ", ".join(f"{r.day:g}:{r.sd_mm:.4f}:{r.sd_error_mm:g}" for r in rows)
+    text = ", ".join(f"{r.day:g}:{r.value:.4f}:{r.error:g}" for r in rows)
     assert len(read_observations(text)) == 3
     done = CliRunner().invoke(
         app,

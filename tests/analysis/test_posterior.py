@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import toy
 
-from mcsettle.analysis.posterior import Observation, infer_factor
+from mcsettle.analysis.posterior import infer_factor
 from mcsettle.cli.observations import read_observations
 from mcsettle.errors import InputError
+from mcsettle.estimate.observation import Observation
 from mcsettle.run.scenario import build_case, initial_profiles
 from mcsettle.run.transfers import step_a
 from mcsettle.step_b.engine import engine_for
@@ -58,11 +59,11 @@ def test_it_covers_at_its_rate(study):
 
 def test_smaller_errors_and_more_days_narrow_it(study):
     rows = observed(study, TRUTH, 1000)
-    wide = infer_factor(study, "v201", tuple(replace(o, sd_error_mm=0.1) for o in rows))
+    wide = infer_factor(study, "v201", tuple(replace(o, error=0.1) for o in rows))
     narrow = infer_factor(study, "v201", rows)
     assert narrow.log_sd < wide.log_sd
     # That sections differ stays, however exactly one of them is measured.
-    exact = infer_factor(study, "v201", tuple(replace(o, sd_error_mm=0.005) for o in rows))
+    exact = infer_factor(study, "v201", tuple(replace(o, error=0.005) for o in rows))
     assert exact.log_sd > 0.2 * narrow.log_sd
 
 

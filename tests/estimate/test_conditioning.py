@@ -17,7 +17,8 @@ from mcsettle.errors import InputError
 from mcsettle.estimate.conditioning import Conditioning, conditioned, weighted_bands
 from mcsettle.estimate.crossed import crossed_mean, crossed_quantile
 from mcsettle.estimate.estimate import Estimate
-from mcsettle.estimate.likelihood import log_median, sd_on
+from mcsettle.estimate.likelihood import Median
+from mcsettle.estimate.observation import Observation
 from mcsettle.estimate.resampling import effective
 from mcsettle.estimate.variance import variance_split
 from mcsettle.run import factor_fit
@@ -25,8 +26,8 @@ from mcsettle.run.pipeline import run_study
 from mcsettle.storage import store
 from mcsettle.storage.tables import input_column
 from mcsettle.study.parameter_sets import all_sets
-from mcsettle.study.schema.observed import ObservedTable
 from mcsettle.study.study import load_study
+from mcsettle.summary.courses import courses
 from mcsettle.summary.results import read_results
 from mcsettle.summary.spread import _drawn
 from mcsettle.summary.summary import summary_rows
@@ -46,8 +47,8 @@ SDS = [
 ]
 
 
-def interval(days, error, **more) -> ObservedTable:
-    return ObservedTable(scenario="v201", tamping_interval_days=days, error_days=error, **more)
+def interval(days, error, **more) -> Observation:
+    return Observation(None, days, error, "v201", **more)
 
 
 def ensemble(n_sets=2048, n_tracks=200, seed=0):
@@ -77,13 +78,8 @@ def rows_of(logs: np.ndarray) -> pd.DataFrame:
     )
 
 
-class _Observed:
-    def __init__(self, *entries):
-        self.observed = entries
-
-
 def weights_of(logs, *entries) -> Conditioning:
-    return conditioned(_Observed(*entries), "base", rows_of(logs), pd.DataFrame())
+    return conditioned("base", entries, courses("base", rows_of(logs), pd.DataFrame()))
 
 
 @pytest.mark.parametrize("sections", [1, 40])
@@ -143,10 +139,12 @@ def test_conditioned_bands_are_those_of_the_posterior():
 def test_a_median_counts_the_tracks_it_is_taken_from():
     logs = np.log(500.0) + 0.3 * stats.norm.ppf((np.arange(100) + 0.5) / 100)
     wide, narrow = (
-        log_median(interval(500.0, 1.0, sections=n), np.exp(logs[None, :])) for n in (2, 2000)
+        Median.of(interval(500.0, 1.0, sections=n), np.exp(logs[None, :])).log_likelihood()
+        for n in (2, 2000)
     )
     assert wide < narrow < 0.0 + 1e-9
-    assert log_median(interval(9.0, 1.0, sections=2), np.full((1, 4), np.inf)) == [-np.inf]
+    never = Median.of(interval(9.0, 1.0, sections=2), np.full((1, 4), np.inf))
+    assert never.log_likelihood() == [-np.inf]
 
 
 def test_collapsed_weights_give_no_numbers():
@@ -161,17 +159,20 @@ def test_collapsed_weights_give_no_numbers():
 
 
 def test_sds_between_the_days_recorded_and_beyond_the_last():
-    rows = pd.DataFrame({"parameter_set": [0, 0], "realisation": [0, 1]})
+    rows = rows_of(np.zeros((1, 2)))
     history = pd.DataFrame(
         {
+            "variant": "base",
+            "scenario": "v201",
             "parameter_set": [0, 0, 0, 0, 0],
             "realisation": [1, 0, 0, 1, 1],
             "day": [0.0, 10.0, 0.0, 10.0, 30.0],
             "sd_mm": [1.0, 1.4, 1.0, 1.1, 1.2],
         }
     )
-    np.testing.assert_allclose(sd_on(history, rows, 5.0), [[1.2, 1.05]])
-    np.testing.assert_allclose(sd_on(history, rows, 20.0), [[1.8, 1.15]])  # as steep as before
+    course = courses("base", rows, history)["v201"]
+    np.testing.assert_allclose(course.sd_on(5.0), [[1.2, 1.05]])
+    np.testing.assert_allclose(course.sd_on(20.0), [[1.8, 1.15]])  # as steep as before
 
 
 def test_bands_of_inputs():

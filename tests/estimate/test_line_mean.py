@@ -5,12 +5,12 @@ import pytest
 from scipy import stats
 
 from mcsettle.estimate.estimate import LEVELS
-from mcsettle.estimate.likelihood import Likelihood, log_interval, log_median
+from mcsettle.estimate.likelihood import Likelihood, Median, log_of
 from mcsettle.estimate.line_mean import line_means
 from mcsettle.estimate.line_mean_error import curve, moments
+from mcsettle.estimate.observation import Observation
 from mcsettle.estimate.order_statistics import MANY, order_positions, worth
 from mcsettle.estimate.resampling import Resampling, SetWeights
-from mcsettle.study.schema.observed import ObservedTable
 
 
 def days(n_sets=96, n_tracks=60, of_set=0.5, seed=0):
@@ -95,13 +95,16 @@ def test_what_independent_values_are_worth():
 
 def test_renewed_weights_are_those_of_the_tracks_resampled():
     values = days(8, 12)
-    one = ObservedTable(scenario="s", tamping_interval_days=650.0, error_days=60.0)
-    several = ObservedTable(scenario="s", tamping_interval_days=650.0, error_days=60.0, sections=20)
-    found = Likelihood((log_interval(one, values),), ((several, values),))
+    one = Observation(None, 650.0, 60.0)
+    several = Observation(None, 650.0, 60.0, sections=20)
+    found = Likelihood((log_of(one, values),), ((several, values),))
     counts = np.vstack([np.ones(12), np.random.default_rng(1).multinomial(12, np.full(12, 1 / 12))])
     for row, logs in zip(counts, found.of_tracks(counts), strict=True):
         drawn = np.repeat(values, row.astype(int), axis=1)
-        plain = np.log(np.exp(log_interval(one, drawn)).mean(axis=1)) + log_median(several, drawn)
+        plain = (
+            np.log(np.exp(log_of(one, drawn)).mean(axis=1))
+            + Median.of(several, drawn).log_likelihood()
+        )
         np.testing.assert_allclose(logs, plain, atol=1e-12)
     weights = found.weights()
     given = weights.given(counts)

@@ -1,22 +1,19 @@
 """Errors of ensembles whose sets have fitted their factors: how far each fit moves with the tracks."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from mcsettle.economics import cost_exponent, present_value_slope
 from mcsettle.estimate.crossed import crossed_interval_quantile, crossed_mean, crossed_quantile
-from mcsettle.estimate.likelihood import Likelihood, log_interval, sd_on
+from mcsettle.estimate.likelihood import Likelihood, log_of
 from mcsettle.estimate.line_mean import line_means
+from mcsettle.estimate.observation import Course, Observation
 from mcsettle.estimate.refit import weights_of_fits
 from mcsettle.estimate.resampling import Resampling, as_interval
-from mcsettle.study.schema.observed import ObservedTable
 
 SETS, TRACKS = 24, 32
-MEDIAN = ObservedTable(
-    scenario="s", tamping_interval_days=700.0, error_days=7.0, sections=1_000_000
-)
-ONE = ObservedTable(scenario="s", tamping_interval_days=700.0, error_days=30.0)
+MEDIAN = Observation(None, 700.0, 7.0, sections=1_000_000)
+ONE = Observation(None, 700.0, 30.0)
 
 
 def fitted_days(seed=3, spread=0.4):
@@ -32,7 +29,7 @@ def by_median(days):
 
 
 def by_section(days):
-    return lambda stretch: Likelihood((log_interval(ONE, np.exp(stretch)[:, None] * days),), ())
+    return lambda stretch: Likelihood((log_of(ONE, np.exp(stretch)[:, None] * days),), ())
 
 
 def only(tracks):
@@ -110,10 +107,11 @@ def test_what_does_not_go_with_the_intervals_is_left_alone():
 
 
 def test_sds_are_read_on_a_day_of_each_set():
-    keys = {"parameter_set": [0, 0, 1, 1], "realisation": [0, 0, 0, 0]}
-    history = pd.DataFrame({**keys, "day": [0.0, 10.0] * 2, "sd_mm": [1.0, 2.0, 1.0, 3.0]})
-    rows = pd.DataFrame({"parameter_set": [0, 1], "realisation": [0, 0]})
-    np.testing.assert_allclose(sd_on(history, rows, np.array([5.0, 2.5])), [[1.5], [1.5]])
+    days = np.array([[[0.0, 10.0]], [[0.0, 10.0]]])
+    course = Course(np.full((2, 1), np.inf), days, np.array([[[1.0, 2.0]], [[1.0, 3.0]]]))
+    stretch = np.log([1.0, 2.0])
+    sd = course.predicted(Observation(5.0, 1.0, 0.1), stretch)
+    np.testing.assert_allclose(sd, [[1.5], [1.5]])
 
 
 @pytest.mark.parametrize(("rate", "years"), [(0.0, 2.0), (0.04, 1.9), (0.3, 10.0)])

@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from mcsettle.estimate.observation import Observation
 from mcsettle.study.schema.base import Name, Table, Text
 from mcsettle.study.schema.quantities import Days, Millimetres
 
@@ -25,3 +26,13 @@ class ObservedTable(Table):
     def is_interval(self) -> bool:
         """Whether a tamping interval was observed, and no SD."""
         return self.tamping_interval_days is not None
+
+    @property
+    def observation(self) -> Observation:
+        """The entry, sound, as the statistics take it."""
+        value, error = self.sd_mm, self.sd_error_mm
+        if self.is_interval:
+            value, error = self.tamping_interval_days, self.error_days
+        assert value is not None  # ``observed_faults``
+        assert error is not None
+        return Observation(self.day, value, error, self.scenario, self.section, self.sections)

@@ -1,0 +1,41 @@
+"""From the tables of a run to how its tracks went, as arrays (``estimate.observation.Course``)."""
+
+import numpy as np
+import pandas as pd
+
+from mcsettle.estimate.observation import Course
+
+KEYS = ["parameter_set", "realisation"]
+
+
+def courses(variant: str, realisations: pd.DataFrame, history: pd.DataFrame) -> dict[str, Course]:
+    """Courses of the tracks of one variant, by scenario."""
+    rows = realisations[realisations["variant"] == variant]
+    recorded = history if history.empty else history[history["variant"] == variant]
+    return {
+        str(scenario): _course(
+            of_scenario,
+            recorded if recorded.empty else recorded[recorded["scenario"] == scenario],
+        )
+        for scenario, of_scenario in rows.groupby("scenario", sort=False, observed=True)
+    }
+
+
+def _course(rows: pd.DataFrame, history: pd.DataFrame) -> Course:
+    rows = rows.sort_values(KEYS)
+    shape = rows["parameter_set"].nunique(), rows["realisation"].nunique()
+    days = rows["tamping_interval_days"].to_numpy(dtype=float, na_value=np.nan)
+    days = np.where((rows["status"] == "censored").to_numpy(), np.inf, days).reshape(shape)
+    if history.empty:
+        nothing = np.full((*shape, 1), np.nan)
+        return Course(days, nothing, nothing)
+    history = history.sort_values([*KEYS, "day"])
+    track = pd.MultiIndex.from_frame(rows[KEYS]).get_indexer(
+        pd.MultiIndex.from_frame(history[KEYS])
+    )
+    history, track = history[track >= 0], track[track >= 0]
+    first = np.searchsorted(track, track)  # where the records of the same track begin
+    place = np.arange(len(track)) - first
+    recorded = np.full((2, len(rows), int(np.max(place, initial=0)) + 1), np.nan)
+    recorded[:, track, place] = history["day"].to_numpy(), history["sd_mm"].to_numpy()
+    return Course(days, *recorded.reshape(2, *shape, -1))
