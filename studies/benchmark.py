@@ -1,4 +1,4 @@
-"""Axle passages a second: the kernels beside NumPy, SciPy's FFT and Numba, same physics, one run.
+"""Axle passages per second: the kernels beside NumPy, SciPy's FFT and Numba, same physics, one run.
 
 Every design advances the same tracks by the same passages of the same 11-car passenger train on the
 closed-form track; its error is that of the change of the profile over one train against the definition
@@ -54,7 +54,7 @@ def main() -> None:
     print(
         f"Fused multiply-adds on one core: f64 {gflops(peaks['f64'])}, f32 {gflops(peaks['f32'])}\n"
     )
-    head = ("design", "passages/s", "CPU/wall", "a CPU second", "share of peak", "error")
+    head = ("design", "passages/s", "CPU/wall", "per CPU second", "share of peak", "error")
     print("| " + " | ".join(head) + " |\n|" + "--|" * len(head))
     rates = {}
     for name, build in DESIGNS.items():
@@ -73,7 +73,7 @@ def main() -> None:
             f"{share:.0%}" if share else "",
         ]
         print(f"| {name} | " + " | ".join([*cells, deviation(change, truth)]) + " |", flush=True)
-    print("\nRatios of rates a CPU second:\n")
+    print("\nRatios of rates per CPU second:\n")
     for ours in OURS:
         for other in OTHERS:
             if other in rates:
@@ -120,7 +120,7 @@ def fused_peak(precision: str) -> float:
 
 
 def timed(advance: Callable[[], int], seconds: float) -> tuple[float, float]:
-    """Best rate of passages a second of wall time, and CPU time over wall time of that call."""
+    """Best rate of passages per second of wall time, and CPU time over wall time of that call."""
     advance()
     best, busy, end = 0.0, 0.0, time.perf_counter() + seconds
     while time.perf_counter() < end or best == 0.0:
@@ -211,7 +211,7 @@ DESIGNS = {
     "NumPy, second-order form, 64 realisations": numpy_form,
     "SciPy FFT, the same mathematics, 64 realisations": scipy_low_rank,
     "Numba, second-order form, lanes": numba_lanes,
-    "Taichi, every x and depth, frozen over a train": pointwise_kernel,
+    "Taichi, every x and depth, profile fixed over a train": pointwise_kernel,
     "Taichi, every x and depth, every axle": pointwise_march(),
     "Taichi, every x and depth, every axle, f32": pointwise_march("f32"),
     "Taichi, second-order form, every axle": march_kernel(by_train=False),
@@ -237,7 +237,7 @@ def machine() -> str:
     lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
     models = [line.split(":")[1].strip() for line in lines if "model name" in line]
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "all")
-    product = f"f64 matrix product {max(rates):.0f} GF/s a CPU second ({threads} BLAS threads)"
+    product = f"f64 matrix product {max(rates):.0f} GF/s per CPU second ({threads} BLAS threads)"
     return f"{(models or [platform.processor()])[0]}, {os.cpu_count()} cores; {product}"
 
 

@@ -39,7 +39,7 @@ def counts(results: Results, variant: str) -> str:
     table = results.realisations[results.realisations["variant"] == variant]
     n = len(table) // max(table["scenario"].nunique(), 1)
     factor = results.study.settlement_settings(variant).settlement_factor
-    return f"{n} tracks a scenario, settlement factor {factor:g}"
+    return f"{n} realisations per scenario, settlement factor {factor:g}"
 
 
 def line(row: SummaryRow) -> str:

@@ -59,7 +59,7 @@ def levers(total_factor: float, long_window: bool) -> Iterator[tuple[str, Callab
         yield f"car length {length} m (13.9)", freight(car_length_m=length)
     yield "N counted by vehicle type (shared)", PER_VEHICLE
     yield (
-        "total stress, own factor (traffic)",
+        "total stress, with its own factor (traffic)",
         settlement(stress="total", settlement_factor=total_factor),
     )
     for spectrum in ("fra_one_corner", "german_low"):
@@ -112,7 +112,7 @@ def main() -> None:
     data["settlement"]["settlement_factor"] = factors["linear"]
     del data["reference"], data["calibration"]
     print(
-        "| experiment | C: P5 / P50 / P95 [%] | D: P5 / P50 / P95 [%] | tracks at or above 6.9 % in C |"
+        "| experiment | C: P5 / P50 / P95 [%] | D: P5 / P50 / P95 [%] | realisations at or above 6.9 % in C |"
     )
     print("|---|---|---|---|")
     for name, change in levers(factors["linear_total"], not options.without_long_window):
