@@ -112,7 +112,8 @@ def main() -> None:
     data["settlement"]["settlement_factor"] = factors["linear"]
     del data["reference"], data["calibration"]
     print(
-        "| experiment | C: P5 / P50 / P95 [%] | D: P5 / P50 / P95 [%] | realisations at or above 6.9 % in C |"
+        "| experiment | C: P5 / P50 / P95 [%] | D: P5 / P50 / P95 [%] "
+        "| realisations at or above 6.9 % in C |"
     )
     print("|---|---|---|---|")
     for name, change in levers(factors["linear_total"], not options.without_long_window):

@@ -392,7 +392,9 @@ EXPERIMENTS = (
     Experiment("conditioned P50, factor fitted, 64 × 64", conditioned_fitted, True),
     Experiment("factor of calibrate, 100 realisations", calibrated, True),
     Experiment("factor fitted to one section, 64 realisations", fitted_factor(1), least=0.89),
-    Experiment("factor fitted to the median of 100 sections, 64 realisations", fitted_factor(100), True),
+    Experiment(
+        "factor fitted to the median of 100 sections, 64 realisations", fitted_factor(100), True
+    ),
     Experiment("total indices, Ishigami, 128 sets", totals, True),
     Experiment("first-order indices, Ishigami, 512 sets", firsts, True),
 )
