@@ -34,11 +34,15 @@ paper: study
 	$(BIN)/mcsettle report $(RESULTS)/linespeed --markdown $(RESULTS)/linespeed.md
 	$(BIN)/mcsettle report $(RESULTS)/traffic --markdown $(RESULTS)/traffic.md
 
+# Two workers; a file's tests stay with one, since they share what its fixtures have run.
+WORKERS ?= 2
+SHARED := -n $(WORKERS) --dist loadfile
+
 test: env
-	$(BIN)/pytest -m "not slow and not browser"
+	$(BIN)/pytest $(SHARED) -m "not slow and not browser"
 
 test-slow: env
-	$(BIN)/pytest -m "not browser"
+	$(BIN)/pytest $(SHARED) -m "not browser"
 
 # Says why and skips where there is no Chromium.
 test-browser: env

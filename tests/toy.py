@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from mcsettle.railway.irregularity import default_section, sample_profiles, wavenumbers
 from mcsettle.railway.spectra import spectrum
@@ -21,6 +22,7 @@ from mcsettle.step_a.interaction import precompute
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.case import Case
 from mcsettle.step_b.settlement import SettlementModel
+from mcsettle.storage import store
 from mcsettle.study.study import Study
 from mcsettle.units import KMH
 
@@ -118,6 +120,21 @@ def study(**changes) -> Study:
     return Study.from_mapping(data)
 
 
+def table(folder: Path, name: str, scenario: str | None = None) -> pd.DataFrame:
+    """One table of a results folder, its rows in the order of their keys."""
+    frame = store.read(folder, name).to_pandas()
+    keys = ["scenario", "realisation"] + (["day"] if name == "history" else [])
+    frame = frame.sort_values(keys).reset_index(drop=True)
+    return frame if scenario is None else frame[frame["scenario"] == scenario]
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    """Bytes of every file by name: results, not what the runs keep beside them."""
+    paths = sorted(p for p in folder.rglob("*") if p.is_file())
+    names = ((p.relative_to(folder).as_posix(), p) for p in paths)
+    return {name: p.read_bytes() for name, p in names if not name.startswith((".log", ".locks"))}
+
+
 # Uncertain inputs: of Step B alone, of the train, of money, of a law, of the vehicle.
 SETS, N = 4, 5
 N0 = {
@@ -146,6 +163,15 @@ SPRING = {
     "low": 4e5,
     "high": 5e5,
 }
+# A factor that is fitted to an observed interval.
+FITTED = {
+    "input": "settlement.settlement_factor",
+    "distribution": "log_uniform",
+    "low": 10.0,
+    "high": 10_000.0,
+    "fitted": True,
+}
+INTERVAL = {"scenario": "v201", "tamping_interval_days": 60.0, "error_days": 3.0}
 
 
 def uncertain(*entries, **changes) -> Study:

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 import toy
 from scipy import stats
-from toy import COST, LOAD, N0, uncertain
+from toy import COST, FITTED, INTERVAL, LOAD, N0, uncertain
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.conditioning import Conditioning, conditioned, weighted_bands
@@ -33,14 +33,6 @@ from mcsettle.summary.spread import _drawn
 from mcsettle.summary.summary import summary_rows
 
 OF_SET, OF_TRACK = 0.8, 0.4
-FACTOR = {
-    "input": "settlement.settlement_factor",
-    "distribution": "log_uniform",
-    "low": 10.0,
-    "high": 10_000.0,
-    "fitted": True,
-}
-INTERVAL = {"scenario": "v201", "tamping_interval_days": 60.0, "error_days": 3.0}
 SDS = [
     {"scenario": "v201", "section": "km 12", "day": d, "sd_mm": s, "sd_error_mm": 0.02}
     for d, s in ((10.0, 1.10), (20.0, 1.16))
@@ -208,16 +200,16 @@ def test_observations_that_cannot_be_are_refused(entry, said):
     ],
 )
 def test_what_cannot_be_fitted_is_refused(change, said):
-    entry = {k: v for k, v in (FACTOR | change).items() if v is not None}
+    entry = {k: v for k, v in (FITTED | change).items() if v is not None}
     with pytest.raises(InputError, match=said):
         uncertain(entry, observed=[INTERVAL])
 
 
 def test_a_fit_needs_observations_and_one_variant():
     with pytest.raises(InputError, match="give \\[\\[observed\\]\\] entries"):
-        uncertain(FACTOR)
+        uncertain(FITTED)
     with pytest.raises(InputError, match="several variants follow"):
-        uncertain(FACTOR, observed=[INTERVAL], variants=[{"name": "a"}, {"name": "b"}])
+        uncertain(FITTED, observed=[INTERVAL], variants=[{"name": "a"}, {"name": "b"}])
     with pytest.raises(InputError, match="without \\[\\[uncertain\\]\\] inputs"):
         toy.study(observed=[INTERVAL])
 
@@ -225,10 +217,10 @@ def test_a_fit_needs_observations_and_one_variant():
 def test_observations_decide_a_run_only_where_something_is_fitted_to_them():
     assert uncertain(N0, observed=[INTERVAL]).digest == uncertain(N0).digest
     first, second = (
-        uncertain(FACTOR, observed=[{**INTERVAL, "error_days": e}]).digest for e in (3.0, 4.0)
+        uncertain(FITTED, observed=[{**INTERVAL, "error_days": e}]).digest for e in (3.0, 4.0)
     )
     assert first != second
-    sourced = uncertain(FACTOR, observed=[{**INTERVAL, "source": "maintenance records"}])
+    sourced = uncertain(FITTED, observed=[{**INTERVAL, "source": "maintenance records"}])
     assert sourced.digest == first
 
 
@@ -242,7 +234,7 @@ def few_tracks():
 @pytest.fixture(scope="module")
 def finished(fresh_cache, few_tracks, tmp_path_factory):
     """Every set fits its own factor to the median interval of 200 sections."""
-    study = uncertain(N0, LOAD, COST, FACTOR, observed=[{**INTERVAL, "sections": 200}])
+    study = uncertain(N0, LOAD, COST, FITTED, observed=[{**INTERVAL, "sections": 200}])
     out = tmp_path_factory.mktemp("fitted") / "results"
     return run_study(study, out, realisations=24, parameter_sets=5)
 
@@ -360,7 +352,7 @@ def test_a_set_that_failed_leaves_the_numbers_of_the_others(tmp_path):
 
 
 def test_a_factor_of_another_variant_explains_nothing_of_this_one():
-    fitted = {**FACTOR, "input": "variants.b.settlement_factor"}
+    fitted = {**FITTED, "input": "variants.b.settlement_factor"}
     study = uncertain(N0, fitted, observed=[INTERVAL], variants=[{"name": "a"}, {"name": "b"}])
     members = all_sets(study)
     table = pd.DataFrame({"parameter_set": np.repeat([m.index for m in members], 2)})

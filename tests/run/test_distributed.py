@@ -12,10 +12,9 @@ import time
 from pathlib import Path
 
 import pytest
-import test_grounds
-import test_observed
 import toy
-from test_pipeline import everything
+import toy_grounds
+from toy import everything
 from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
@@ -89,7 +88,7 @@ def test_a_poisoned_shard_becomes_failed_rows_and_heals(
     study, whole, tmp_path, in_process, monkeypatch
 ):
     """One shard fails every time: its rows say why, exit code 3; the next run tries it once more."""
-    kept, asked = worker.step_b.write_computed, []
+    kept, asked = worker.compute.write_computed, []
 
     def poisoned(job, member, machine, shard):
         asked.append(shard.name)
@@ -97,7 +96,7 @@ def test_a_poisoned_shard_becomes_failed_rows_and_heals(
             raise FloatingPointError("poison")
         kept(job, member, machine, shard)
 
-    monkeypatch.setattr(worker.step_b, "write_computed", poisoned)
+    monkeypatch.setattr(worker.compute, "write_computed", poisoned)
     path = tmp_path / "study.toml"
     path.write_text(resolved_toml(study), encoding="utf-8")
     out = tmp_path / "out"
@@ -112,12 +111,12 @@ def test_a_poisoned_shard_becomes_failed_rows_and_heals(
     found = survey(out)
     assert [(fault.shard, fault.state) for fault in found.faults] == [(bad, "failed")]
     assert gather(out).n_failed == 0  # of the whole shards
-    rows = worker.store.read(out, "realisations").to_pandas()
+    rows = toy.table(out, "realisations")
     failed = rows[rows["status"] == "failed"]
     assert failed["realisation"].tolist() == [2, 3]
     assert failed["failure"].str.contains("poison").all()
     assert (failed["sd_initial_mm"].round(9) == 1.03).all()
-    monkeypatch.setattr(worker.step_b, "write_computed", kept)
+    monkeypatch.setattr(worker.compute, "write_computed", kept)
     healed = cluster.run_distributed(study, out, "local")
     assert healed.n_computed == 1
     assert everything_but_step_a(out) == everything(whole)
@@ -232,9 +231,9 @@ def shared_and_plain(study, tmp_path, **options):
 
 def test_grounds_and_their_failures(tmp_path, in_process):
     """Three grounds, one of which cannot be run: that is told in its rows, and is no failed shard."""
-    for name, text in (("layers", test_grounds.LAYERS), ("weights", test_grounds.WEIGHTS)):
+    for name, text in (("layers", toy_grounds.LAYERS), ("weights", toy_grounds.WEIGHTS)):
         (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
-    plain = shared_and_plain(test_grounds.study(tmp_path), tmp_path, realisations=2)
+    plain = shared_and_plain(toy_grounds.study(tmp_path), tmp_path, realisations=2)
     assert plain.n_failed == 2 * 2
     assert survey(tmp_path / "shared").finished
 
@@ -260,8 +259,8 @@ def test_fitted_factors_reach_the_workers(tmp_path, in_process, monkeypatch):
     """A factor fitted in every set: the workers use the fits that lie in the folder."""
     monkeypatch.setattr(factor_fit, "FIT_TRACKS", 8)
     monkeypatch.setattr(factor_fit, "FEW_TRACKS", 4)
-    observed = [{**test_observed.INTERVAL, "sections": 200}]
-    study = toy.uncertain(toy.N0, test_observed.FACTOR, observed=observed)
+    observed = [{**toy.INTERVAL, "sections": 200}]
+    study = toy.uncertain(toy.N0, toy.FITTED, observed=observed)
     shared_and_plain(study, tmp_path, realisations=2, parameter_sets=2)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 import toy
-from test_pipeline import everything
+from toy import everything
 
 from mcsettle.errors import InputError
 from mcsettle.run.pipeline import run_study
@@ -98,14 +98,14 @@ def test_signals_end_a_run_with_130_and_the_lock_is_given_back(sent, study, whol
     """The command line as a user has it, interrupted at its second shard."""
     code = (
         "import os, sys\n"
-        "from mcsettle import step_b\n"
-        "kept, n = step_b.write_computed, 0\n"
+        "from mcsettle.run import compute\n"
+        "kept, n = compute.write_computed, 0\n"
         "def write(*arguments):\n"
         "    global n\n"
         "    n += 1\n"
         f"    os.kill(os.getpid(), {int(sent)}) if n == 2 else None\n"
         "    kept(*arguments)\n"
-        "step_b.write_computed = write\n"
+        "compute.write_computed = write\n"
         "from mcsettle.cli.app import main\n"
         "main()\n"
     )

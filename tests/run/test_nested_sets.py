@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import toy
-from test_pipeline import everything, table
-from toy import COST, LAW, LOAD, N0, SETS, SPRING, N, uncertain
+from toy import COST, LAW, LOAD, N0, SETS, SPRING, N, everything, table, uncertain
 
 from mcsettle.errors import InputError
 from mcsettle.run import compute, pipeline, transfers

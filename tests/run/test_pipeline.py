@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import toy
+from toy import everything, table
 
 from mcsettle.errors import InputError
 from mcsettle.run import compute, pipeline
@@ -38,20 +39,6 @@ def finished(fresh_cache, study, tmp_path_factory):
 @pytest.fixture
 def small_shards(monkeypatch):
     monkeypatch.setattr(pipeline, "SHARD", 4)
-
-
-def table(folder, name, scenario=None):
-    frame = store.read(folder, name).to_pandas()
-    keys = ["scenario", "realisation"] + (["day"] if name == "history" else [])
-    frame = frame.sort_values(keys).reset_index(drop=True)
-    return frame if scenario is None else frame[frame["scenario"] == scenario]
-
-
-def everything(folder):
-    """Bytes of every file by name: results, not what the runs keep beside them."""
-    paths = sorted(p for p in folder.rglob("*") if p.is_file())
-    names = ((p.relative_to(folder).as_posix(), p) for p in paths)
-    return {name: p.read_bytes() for name, p in names if not name.startswith((".log", ".locks"))}
 
 
 def test_every_file_is_there_and_whole(finished):

@@ -13,7 +13,7 @@ import pytest
 import toy
 from hypothesis import given
 from hypothesis import strategies as st
-from test_pipeline import everything
+from toy import everything
 from typer.testing import CliRunner
 
 from mcsettle.cli.app import app

@@ -2,7 +2,7 @@
 
 import pytest
 import toy
-from test_pipeline import everything
+from toy import everything
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import Estimate, Statistic

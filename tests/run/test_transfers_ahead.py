@@ -4,8 +4,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from test_pipeline import everything
-from toy import COST, LOAD, SPRING, uncertain
+from toy import COST, LOAD, SPRING, everything, uncertain
 
 from mcsettle.errors import NumericalError
 from mcsettle.railway.track import BeamTrack

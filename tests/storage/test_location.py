@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import toy
-from test_pipeline import everything
+from toy import everything
 from typer.testing import CliRunner
 
 from mcsettle.cli.app import app

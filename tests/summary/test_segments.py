@@ -2,56 +2,23 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 import toy
+from toy_grounds import LAYERS, MATERIALS, WEIGHTS, soil, study
 from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
 from mcsettle.errors import InputError
 from mcsettle.railway.ground_profiles import Columns, read_grounds, slab_materials, slabs
 from mcsettle.study.parameter_sets import all_sets
-from mcsettle.study.study import Study, load_study, resolved_toml
+from mcsettle.study.study import load_study, resolved_toml
 from mcsettle.summary.segments import ground_report, weighted_quantiles
 from mcsettle.summary.spread import interval_spread
 
 ROOT = Path(__file__).resolve().parents[2]
-LAYERS = """soilprofile_id;top_level;soil_name;
-A1;60.0;raise;
-A1;3.0;fill;
-A1;1.0;clay;
-A1;-4.0;sand;
-A2;60.0;raise;
-A2;3.0;fill;
-A2;2.0;peat;
-A2;0.5;sand;
-B1;60.0;raise;
-B1;1.0;fill;
-B1;0.5;sand;
-"""
-WEIGHTS = """segment_id;soilprofile_id;probability;calculation_type
-A;A1;70;Stability
-A;A2;30;Stability
-B;B1;100;Stability
-"""
-
-
-def soil(modulus: float, **more: Any) -> dict[str, Any]:
-    law = {"settlement_a": 0.64, "settlement_b": 0.1, "settlement_m": 1.7, "strength_pa": 1e5}
-    base = {"youngs_modulus_pa": modulus, "poisson": 0.3, "density_kg_per_m3": 1900.0}
-    return {**base, "damping": 0.03, **law, **more}
-
-
-MATERIALS = {
-    "fill": soil(1e8),
-    "clay": soil(4e7, settlement_a=1.2, settlement_b=0.18, settlement_m=2.4, strength_pa=6e4),
-    "sand": soil(9e7),
-    "peat": {**{k: v for k, v in soil(8e6).items() if not k.startswith(("settle", "strength"))},
-             "no_law": "peat"},
-}  # fmt: skip
 
 
 @pytest.fixture
@@ -59,15 +26,6 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "layers.csv").write_text("\ufeff" + LAYERS, encoding="utf-8")
     (tmp_path / "weights.csv").write_text(WEIGHTS, encoding="utf-8")
     return tmp_path
-
-
-def study(folder: Path, **grounds: Any) -> Study:
-    data = toy.study().model_dump(by_alias=True, exclude_none=True)
-    own = {"layers": "layers.csv", "weights": "weights.csv", "leave_out": ["raise"],
-           "materials": MATERIALS, "depth_m": 8.0}  # fmt: skip
-    del data["vehicles"], data["include"], data["uncertain"], data["correlations"]
-    del data["track"]["ground"]
-    return Study.from_mapping({**data, "grounds": own | grounds}, folder=folder)
 
 
 def test_grounds_are_read_ranked_and_cut(folder: Path) -> None:
