@@ -408,6 +408,11 @@ def track(
             talk(f"Wrote {len(written)} files to {folder}")
 
 
+def _parts_of(text: str | None) -> list[str] | None:
+    """Parts of a list with commas; None where it is not given."""
+    return None if text is None else [part.strip() for part in text.split(",")]
+
+
 @app.command()
 @plainly
 def profile(
@@ -416,14 +421,36 @@ def profile(
     ],
     chainage_column: Annotated[str | None, typer.Option(help="Default: chainage_m.")] = None,
     level_column: Annotated[str | None, typer.Option(help="Default: level_mm.")] = None,
-    chainage_unit: Annotated[str | None, typer.Option(help="m, km, ft, yd or mi.")] = None,
+    offset_column: Annotated[
+        str | None, typer.Option(help="Second part of a position: metres, yards, chains.")
+    ] = None,
+    second_level_column: Annotated[
+        str | None, typer.Option(help="Level of the other rail.")
+    ] = None,
+    rails: Annotated[str | None, typer.Option(help="Of two rails: mean or worse.")] = None,
+    chainage_unit: Annotated[
+        str | None, typer.Option(help="m, km, ft, yd, mi, km+m, km.m, mi.yd or mi.ch.")
+    ] = None,
     level_unit: Annotated[str | None, typer.Option(help="mm, m, cm or in.")] = None,
     positive: Annotated[str | None, typer.Option(help="down (default) or up.")] = None,
     separator: Annotated[
         str | None, typer.Option(help="comma (default), semicolon, tab or space.")
     ] = None,
     decimal: Annotated[str | None, typer.Option(help="Decimal sign, . or a comma.")] = None,
+    thousands: Annotated[str | None, typer.Option(help="Sign between thousands.")] = None,
+    encoding: Annotated[
+        str | None, typer.Option(help="utf-8 (default), utf-16, cp1252, … of a CSV file.")
+    ] = None,
+    missing_values: Annotated[
+        str | None, typer.Option(help="Cells that mean no reading, such as -9999,n/a.")
+    ] = None,
     skip_rows: Annotated[int | None, typer.Option(min=0, help="Rows before the heading.")] = None,
+    skip_after_heading: Annotated[
+        int | None, typer.Option(min=0, help="Rows behind the heading, such as units.")
+    ] = None,
+    dates: Annotated[
+        str | None, typer.Option(help="The runs are dates: iso, day_first or month_first.")
+    ] = None,
     run_column: Annotated[str | None, typer.Option(help="Column of runs or dates.")] = None,
     run: Annotated[str | None, typer.Option(help="Which run (default: the first).")] = None,
     repair: Annotated[
@@ -433,6 +460,12 @@ def profile(
     window: Annotated[float | None, typer.Option(help="Length of a section (m; 200).")] = None,
     shortest: Annotated[float | None, typer.Option(help="Shortest wave (m; 3).")] = None,
     longest: Annotated[float | None, typer.Option(help="Longest wave (m; 35).")] = None,
+    already_filtered: Annotated[
+        str | None, typer.Option(help="The record is band-passed: en13848_d1.")
+    ] = None,
+    versine_chord: Annotated[
+        float | None, typer.Option(help="The levels are versines of a chord (m).")
+    ] = None,
     filter_kind: Annotated[
         str | None, typer.Option("--filter", help="ideal (default), butterworth or en13848_d1.")
     ] = None,
@@ -459,7 +492,17 @@ def profile(
         "skip_rows": skip_rows,
         "run_column": run_column,
         "run": run,
-        "repair": None if repair is None else [part.strip() for part in repair.split(",")],
+        "repair": _parts_of(repair),
+        "offset_column": offset_column,
+        "second_level_column": second_level_column,
+        "rails": rails,
+        "thousands": thousands,
+        "encoding": encoding,
+        "missing_values": _parts_of(missing_values),
+        "skip_after_heading": skip_after_heading,
+        "dates": dates,
+        "already_filtered": already_filtered,
+        "versine_chord_m": versine_chord,
         "longest_gap_m": longest_gap,
         "window_m": window,
         "shortest_m": shortest,

@@ -54,7 +54,7 @@ def _study_around(path: Path, given: dict[str, Any]) -> "Study":
     from mcsettle.study.study import Study
 
     own = {"window_m", "shortest_m", "longest_m"}
-    d1 = given.get("filter") == "en13848_d1"
+    d1 = "en13848_d1" in (given.get("filter"), given.get("already_filtered"))
     band = {"shortest_m": 3.0, "longest_m": 25.0} if d1 else {}
     profile = band | {key: value for key, value in given.items() if key in own}
     record = {key: value for key, value in given.items() if key not in own}
@@ -82,23 +82,28 @@ def report_lines(report: "ProfileReport") -> Iterator[str]:
         yield f"finding: {finding.kind}: {finding.text}"
     if not report.findings:
         yield "findings: none"
+    yield from (f"remark: {remark}" for remark in report.remarks)
     band = report.band
     order = "" if band.kind == "ideal" else f" of order {band.order}, forwards and backwards"
+    before = "the record is filtered already: " if band.passed else "filter: "
     yield (
-        f"filter: {band.kind}{order}, {band.shortest:g} to {band.longest:g} m; its SD is "
+        f"{before}{band.kind}{order}, {band.shortest:g} to {band.longest:g} m; its SD is "
         f"{report.filter_effect:.3f} of the ideal band's"
     )
+    parts = report.sections
+    covered = float((parts.ends[-1] - parts.starts[0]) * parts.step)
     yield (
-        f"SD of {len(report.sd)} sections of {report.window:g} m: mean {np.mean(report.sd) * 1e3:.3f}, "
+        f"SD of {len(report.sd)} sections of {report.window:g} m, {covered:.6g} m in all: "
+        f"mean {np.mean(report.sd) * 1e3:.3f}, "
         f"{np.min(report.sd) * 1e3:.3f} to {np.max(report.sd) * 1e3:.3f} mm; "
         f"D1 (3 to 25 m) mean {np.mean(report.sd_d1) * 1e3:.3f} mm"
     )
     classes = f"  class at {report.speed_kmh:g} km/h" if report.classes else ""
-    yield f"{'from':>10} {'SD [mm]':>9} {'D1 [mm]':>9}{classes}"
+    yield f"{'from [m]':>10} {'to [m]':>10} {'SD [mm]':>9} {'D1 [mm]':>9}{classes}"
     for i in range(min(len(report.sd), MOST_SHOWN)):
         name = f"  {report.classes[i]}" if report.classes else ""
         yield (
-            f"{report.sections.starts[i]:>10.1f} {report.sd[i] * 1e3:>9.3f} "
+            f"{parts.chainage_from[i]:>10.1f} {parts.chainage_to[i]:>10.1f} {report.sd[i] * 1e3:>9.3f} "
             f"{report.sd_d1[i] * 1e3:>9.3f}{name}"
         )
     if len(report.sd) > MOST_SHOWN:
@@ -113,6 +118,7 @@ def report_lines(report: "ProfileReport") -> Iterator[str]:
 
 def report_json(report: "ProfileReport") -> str:
     """Every number of a report as JSON."""
+    parts = report.sections
     data = {
         "run": report.run,
         "length_m": report.length,
@@ -127,6 +133,7 @@ def report_json(report: "ProfileReport") -> str:
             }
             for f in report.findings
         ],
+        "remarks": list(report.remarks),
         "filter": {
             "kind": report.band.kind,
             "order": report.band.order,
@@ -137,14 +144,13 @@ def report_json(report: "ProfileReport") -> str:
         "window_m": report.window,
         "sections": [
             {
-                "start_m": float(start),
+                "chainage_from_m": float(parts.chainage_from[i]),
+                "chainage_to_m": float(parts.chainage_to[i]),
                 "sd_mm": float(sd) * 1e3,
                 "sd_d1_mm": float(d1) * 1e3,
                 "class": report.classes[i] if report.classes else None,
             }
-            for i, (start, sd, d1) in enumerate(
-                zip(report.sections.starts, report.sd, report.sd_d1, strict=True)
-            )
+            for i, (sd, d1) in enumerate(zip(report.sd, report.sd_d1, strict=True))
         ],
         "spectrum": [
             {"wavelength_m": float(2.0 * np.pi / k), "density_m2_per_rad_per_m": float(p)}

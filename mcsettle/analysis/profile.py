@@ -14,7 +14,7 @@ import numpy as np
 
 from mcsettle.railway.filters import D1, Band, band_passed, sd_ratio
 from mcsettle.railway.measured_profiles import Record
-from mcsettle.railway.record import Finding
+from mcsettle.railway.record_findings import Finding
 from mcsettle.railway.record_sections import Sections, sections_spectrum
 from mcsettle.railway.spectra import (
     FRA_ROUGHNESS,
@@ -44,6 +44,9 @@ PUBLISHED = {
     "fra_one_corner": {f"class {i}": a for i, a in enumerate(ONE_CORNER_ROUGHNESS, 1)},
     "german": {name.removeprefix("german_"): a for name, a in GERMAN_ROUGHNESS.items()},
 }
+
+
+D1_FILTER = Band(*D1, "butterworth", 4)
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ class ProfileReport:
     median_step: float
     points: int
     findings: tuple[Finding, ...]
+    remarks: tuple[str, ...]
     band: Band
     window: float
     sections: Sections
@@ -109,9 +113,9 @@ def profile_report(
         Speed of the line, for the quality classes.
     """
     parts = record.sections
-    n = round(window / parts.step)
-    d1 = band_passed(parts.level, parts.step, Band(*D1, "butterworth", 4))
-    sd_d1 = np.array([np.std(d1[i * n : (i + 1) * n]) for i in range(len(parts.starts))])
+    in_d1 = band.passed and (band.shortest, band.longest) == D1
+    d1 = parts.passed if in_d1 else band_passed(parts.level, parts.step, D1_FILTER)
+    sd_d1 = np.array([np.std(d1[i:j]) for i, j in zip(parts.starts, parts.ends, strict=True)])
     power = 0.5 * np.abs(parts.amplitudes) ** 2 * window / (2.0 * np.pi)
     own = sections_spectrum(parts.amplitudes, wavenumbers, window)
     return ProfileReport(
@@ -120,6 +124,7 @@ def profile_report(
         median_step=record.run.step,
         points=len(record.run.chainage),
         findings=record.findings,
+        remarks=record.remarks,
         band=band,
         window=window,
         sections=parts,

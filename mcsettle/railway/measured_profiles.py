@@ -5,19 +5,21 @@ own spectrum (``phases``), or the place on the line (``sections``: realisation r
 everywhere, a realisation is addressed by (seed, index).
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from mcsettle.errors import InputError
-from mcsettle.railway.filters import Band
+from mcsettle.railway.filters import Band, versine_loss
 from mcsettle.railway.irregularity import random_amplitudes
 from mcsettle.railway.read_record import RecordFormat, read_record
-from mcsettle.railway.record import Finding, Run, chosen_run, findings, mended
-from mcsettle.railway.record_sections import Sections, cut
+from mcsettle.railway.record import Run, chosen_run
+from mcsettle.railway.record_findings import Finding, findings, repaired
+from mcsettle.railway.record_sections import Sections, cut, worse_rail
+from mcsettle.railway.spectra import fra
 
 ENSEMBLES = ("section", "phases", "sections")
 _NOISE_STREAM = 0x4E015E  # keeps the noise apart from the phases
@@ -29,7 +31,7 @@ class RecordChoice:
     """A record and what is taken of it: everything that decides the sections.
 
     ``path`` of the file and its ``digest`` (SHA-256); ``run`` None for the first; ``repair`` names
-    the findings to mend; gaps up to ``longest_gap`` [m] are bridged.
+    the findings to repair; gaps up to ``longest_gap`` [m] are bridged.
     """
 
     path: Path
@@ -43,15 +45,19 @@ class RecordChoice:
 
 @dataclass(frozen=True)
 class Record:
-    """A record made ready: the run as it was read, what was found in it, its sections."""
+    """A record made ready: the run as it was read, what was found in it, its sections.
+
+    ``remarks``: what the way of measuring leaves out, and what is left over at the end.
+    """
 
     run: Run
     findings: tuple[Finding, ...]
     sections: Sections
+    remarks: tuple[str, ...] = ()
 
 
 def prepared(choice: RecordChoice, window: float, wavenumbers: np.ndarray) -> Record:
-    """Read, mend, filter and cut the record of ``choice``; kept for the next call.
+    """Read, repair, filter and cut the record of ``choice``; kept for the next call.
 
     Raises
     ------
@@ -65,8 +71,37 @@ def prepared(choice: RecordChoice, window: float, wavenumbers: np.ndarray) -> Re
 def _prepared(choice: RecordChoice, window: float, wavenumbers: tuple[float, ...]) -> Record:
     run = chosen_run(read_record(choice.path, choice.layout), choice.run)
     found = tuple(findings(run))
-    sound = mended(run, choice.repair, choice.longest_gap)
-    return Record(run, found, cut(sound, window, np.array(wavenumbers), choice.band))
+    valid = repaired(run, choice.repair, choice.longest_gap)
+    modes, chord = np.array(wavenumbers), choice.layout.versine_chord_m
+    sections = cut(valid, window, modes, choice.band, chord)
+    if valid.other_rail is not None:
+        other = replace(valid, level=valid.other_rail)
+        sections = worse_rail(sections, cut(other, window, modes, choice.band, chord))
+    return Record(run, found, sections, tuple(_remarks(sections, window, choice)))
+
+
+def _remarks(sections: Sections, window: float, choice: RecordChoice) -> Iterator[str]:
+    """What is left over at the end of a record, and what its chord does not show."""
+    last = float((sections.ends[-1] - sections.starts[-1]) * sections.step)
+    if last < window * (1.0 - 1e-9):
+        yield (
+            f"the last section is {last:.4g} m long ({sections.chainage_from[-1]:.6g} to "
+            f"{sections.chainage_to[-1]:.6g} m): its SD is that of this piece, its shape that of the "
+            f"last {window:g} m"
+        )
+    if sections.left_over > sections.step:
+        yield (
+            f"{sections.left_over:.4g} m at the end (from {sections.chainage_to[-1]:.6g} m on) are in "
+            "no section: they are shorter than two of the longest waves"
+        )
+    chord = choice.layout.versine_chord_m
+    if chord is not None:
+        share, waves = versine_loss(chord, choice.band, lambda k: fra(k, 1.0))
+        lengths = " and ".join(f"{wave:.3g}" for wave in waves[:4]) or "none"
+        yield (
+            f"offsets from chords of {chord:g} m show nothing of waves of {lengths} m: {share:.1%} of "
+            "the variance in the band is lost on an FRA spectrum, and noise is enlarged beside them"
+        )
 
 
 def ensemble(
@@ -98,7 +133,7 @@ def ensemble(
         No such section, or more realisations than sections where nothing else tells them apart.
     """
     wanted = list(indices)
-    n = len(sections.starts)
+    n = len(sections.sd)
     if kind == "sections":
         if wanted and max(wanted) >= n and noise == 0.0:
             raise InputError(

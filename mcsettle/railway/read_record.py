@@ -1,38 +1,49 @@
-"""Reading a measured record: CSV or Parquet, its columns, units and runs."""
+"""Reading a measured record: CSV or Parquet, its columns, units, notations and runs.
 
-from dataclasses import dataclass
+One pass over a file collects every fault before it refuses.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mcsettle.errors import InputError
+from mcsettle.railway.chainage import (
+    CHAINAGE_UNITS,
+    NOTATION_OR_UNIT,
+    NOTATIONS,
+    looks_positional,
+    notation_fault,
+    positions,
+    with_minor,
+)
+from mcsettle.railway.dates import run_dates
 from mcsettle.railway.record import Run
+from mcsettle.railway.record_table import Cells, csv_cells, is_parquet, parquet_cells
+from mcsettle.railway.text_files import NumberFormat, number_fault, numbers, refused, without_marks
 
 LARGEST_FILE = 500_000_000  # bytes
-
-
 MOST_ROWS = 20_000_000
-
-
 MOST_RUNS = 1000
-
-
-CHAINAGE_UNITS = {"m": 1.0, "km": 1e3, "ft": 0.3048, "yd": 0.9144, "mi": 1609.344}
-
-
+LEAST_POINTS = 10  # of a run
 LEVEL_UNITS = {"mm": 1e-3, "m": 1.0, "cm": 1e-2, "in": 0.0254}
-
-
-SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
+RAILS = ("mean", "worse")
+_VERSINE = re.compile(r"versine|chord|pfeilh|sehne|fl[eè]che", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class RecordFormat:
-    """How a record is written: columns, units, separator, decimal sign, rows before the heading.
+    """How a record is written: columns, units, signs, encoding, rows around the heading.
 
-    ``chainage_unit`` and ``level_unit`` are None where the columns' names end in their unit;
-    ``run_column`` names the run or date of each row; ``positive`` says where a positive level lies.
+    ``chainage_unit`` (a unit or a notation) and ``level_unit`` are None where the columns' names end
+    in their unit; ``offset_column`` has the metres, yards or chains of a position in two columns.
+    ``second_level_column`` is the other rail's, ``rails`` what is made of both. ``run_column`` names
+    the run of each row, or with ``dates`` (iso, day_first, month_first) its date; ``positive`` says
+    where a positive level lies. ``versine_chord_m``: the levels are offsets from the middle of a chord.
     """
 
     chainage_column: str = "chainage_m"
@@ -44,19 +55,116 @@ class RecordFormat:
     decimal: str = "."
     skip_rows: int = 0
     positive: str = "down"
+    offset_column: str | None = None
+    second_level_column: str | None = None
+    rails: str | None = None
+    thousands: str | None = None
+    missing_values: tuple[str | float, ...] | None = None
+    encoding: str | None = None
+    skip_after_heading: int | None = None
+    dates: str | None = None
+    versine_chord_m: float | None = None
 
-    def factors(self) -> tuple[float, float]:
-        """Factors that take chainage and level into metres, the level positive down.
+    @property
+    def number_format(self) -> NumberFormat:
+        """How the numbers of its cells are written."""
+        return NumberFormat(self.decimal, self.thousands, self.missing_values or ())
 
-        Raises
-        ------
-        InputError
-            A unit that is not told, unknown, or not that of the column's name.
-        """
-        along = _unit("chainage", self.chainage_column, self.chainage_unit, CHAINAGE_UNITS)
-        level = _unit("level", self.level_column, self.level_unit, LEVEL_UNITS)
-        sign = 1.0 if self.positive == "down" else -1.0
-        return CHAINAGE_UNITS[along], sign * LEVEL_UNITS[level]
+    @property
+    def columns(self) -> dict[str, str]:
+        """Names of the columns that are read, by the key that gives them."""
+        keys = (
+            "chainage_column",
+            "level_column",
+            "offset_column",
+            "second_level_column",
+            "run_column",
+        )
+        return {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
+
+    def units(self) -> tuple[str, str, list[str]]:
+        """Unit or notation of the chainage, unit of the level, and every fault of what says them."""
+        faults: list[str] = []
+        along = _unit(
+            "chainage", self.chainage_column, self.chainage_unit, NOTATION_OR_UNIT, faults
+        )
+        level = _unit("level", self.level_column, self.level_unit, tuple(LEVEL_UNITS), faults)
+        if self.offset_column is not None and along and along not in NOTATIONS:
+            faults.append(
+                f"offset_column is the second part of a position: chainage_unit is '{along}', and "
+                "must be 'km+m', 'mi.yd' or 'mi.ch'"
+            )
+        if (self.second_level_column is None) != (self.rails is None):
+            faults.append(
+                "the levels of two rails take second_level_column and rails together: rails is "
+                '"mean" (of both rails) or "worse" (of each section the rail with the larger SD)'
+            )
+        if self.versine_chord_m is None and _VERSINE.search(self.level_column):
+            faults.append(
+                f"column '{self.level_column}' has offsets from a chord by its name, which are no "
+                "levels; say versine_chord_m, the length of the chord [m], and they are converted"
+            )
+        return along, level, faults
+
+
+@dataclass
+class _Reading:
+    """The columns of a file as they are converted, and what is wrong with them so far."""
+
+    cells: Cells
+    layout: RecordFormat
+    faults: list[str] = field(default_factory=list)
+
+    def numbers(self, name: str) -> np.ndarray:
+        """Numbers [N] of column ``name``, NaN where there is none."""
+        column = self.cells.columns[name]
+        if isinstance(column, np.ndarray):
+            infinite = np.flatnonzero(np.isinf(column))
+            if len(infinite):
+                self.faults.append(f"column '{name}' holds {len(infinite)} infinite numbers")
+            return without_marks(column, self.layout.number_format)
+        values, wrong = numbers(column, self.layout.number_format)
+        if np.any(wrong):
+            texts, lines = self.cells.at(name, wrong)
+            self.faults.append(number_fault(name, texts, lines, self.layout.number_format))
+        return values
+
+    def chainage(self, unit: str) -> np.ndarray:
+        """Chainage [N] m in a unit or a notation."""
+        name, other = self.layout.chainage_column, self.layout.offset_column
+        column = self.cells.columns[name]
+        if other is not None:
+            return with_minor(self.numbers(name), self.numbers(other), unit)
+        if unit in NOTATIONS:
+            if isinstance(column, np.ndarray):
+                column = _as_texts(column)
+            values, wrong = positions(column, unit)
+            if np.any(wrong):
+                texts, lines = self.cells.at(name, wrong)
+                self.faults.append(notation_fault(name, texts, lines, unit))
+            return values
+        values = self.numbers(name)
+        texts = None if isinstance(column, np.ndarray) else column
+        positional = looks_positional(values, unit, texts)
+        if positional is not None:
+            self.faults.append(f"column '{name}': {positional}")
+        return values * CHAINAGE_UNITS[unit]
+
+    def names(self) -> np.ndarray | None:
+        """Name of the run of each row [N], an ISO date where the runs are dated; None: one run."""
+        if self.layout.run_column is None:
+            return None
+        names = self.cells.texts(self.layout.run_column)
+        different = list(dict.fromkeys(names))
+        if len(different) > MOST_RUNS:
+            self.faults.append(
+                f"column '{self.layout.run_column}' names {len(different)} runs; at most {MOST_RUNS}"
+            )
+        elif self.layout.dates is not None:
+            dates, faults = run_dates(different, self.layout.dates)
+            self.faults += [f"column '{self.layout.run_column}': {fault}" for fault in faults]
+            names = np.array([dates[name] for name in names], dtype=object)
+        return names
 
 
 def read_record(path: Path, layout: RecordFormat) -> tuple[Run, ...]:
@@ -65,144 +173,90 @@ def read_record(path: Path, layout: RecordFormat) -> tuple[Run, ...]:
     Raises
     ------
     InputError
-        The file cannot be read as ``layout`` says, is too large, or has fewer than ten points.
+        The file cannot be read as ``layout`` says, is too large, or has fewer than ten points; all
+        faults that one pass can see are listed.
     """
-    along, level = layout.factors()
-    columns = _columns(path, layout)
-    chainage, height = columns[layout.chainage_column], columns[layout.level_column]
-    names = columns[layout.run_column] if layout.run_column else None
-    known = np.isfinite(chainage) & np.isfinite(height)
-    runs = []
-    for name in dict.fromkeys(names) if names is not None else [""]:
-        own = np.ones(len(known), bool) if names is None else names == name
-        kept = own & known
-        if np.sum(kept) < 10:
-            where = f", run '{name}'" if name else ""
-            raise InputError(f"{path}{where}: {int(np.sum(kept))} points; a run needs at least ten")
-        missing = int(np.sum(own & ~known))
-        runs.append(Run(str(name), chainage[kept] * along, height[kept] * level, missing))
-    return tuple(runs)
-
-
-def _unit(what: str, column: str, told: str | None, known: dict[str, float]) -> str:
-    ending = column.rsplit("_", 1)[-1].lower() if "_" in column else ""
-    named = ending if ending in known else None
-    if told is None and named is None:
-        raise InputError(
-            f"the unit of the {what} is not told: the column '{column}' does not end in one; "
-            f"give {what}_unit ({', '.join(known)}) or end the name in it, such as "
-            f"'{what}_{next(iter(known))}'"
-        )
-    if told is not None and told not in known:
-        raise InputError(f"{what}_unit is '{told}'; accepted: {', '.join(known)}")
-    if told is not None and named is not None and told != named:
-        raise InputError(
-            f"{what}_unit is '{told}', but the column '{column}' says '{named}'; "
-            "leave one of them out, or rename the column"
-        )
-    return told or named or ""
-
-
-def _columns(path: Path, layout: RecordFormat) -> dict[str, np.ndarray]:
-    """The columns that are needed: floats (NaN where empty), the run's names as text."""
+    along, level, faults = layout.units()
     try:
         if not path.is_file():
             raise InputError(f"{path} is no file; give a CSV or Parquet file")
         size = path.stat().st_size
         if size > LARGEST_FILE:
             raise InputError(f"{path} has {size} bytes; a record has at most {LARGEST_FILE}")
-        numbers = [layout.chainage_column, layout.level_column]
-        wanted = [*numbers, *([layout.run_column] if layout.run_column else [])]
-        table = _parquet(path, wanted) if _is_parquet(path) else _csv(path, layout, wanted)
-        columns = {name: _floats(path, name, table[name]) for name in numbers}
-        if layout.run_column:
-            columns[layout.run_column] = _texts(path, layout.run_column, table)
+        if is_parquet(path):
+            cells = parquet_cells(path, layout.columns, MOST_ROWS)
+        else:
+            cells = csv_cells(path, layout, MOST_ROWS)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error}") from None
-    return columns
+    reading = _Reading(cells, layout, [*cells.faults, *faults])
+    if not set(layout.columns.values()) <= set(cells.columns):
+        raise refused(path, reading.faults)
+    runs = _runs(reading, along or "m", level or "m")
+    if reading.faults:
+        raise refused(path, reading.faults)
+    return runs
 
 
-def _is_parquet(path: Path) -> bool:
-    with path.open("rb") as source:
-        return source.read(4) == b"PAR1"
+def _runs(reading: _Reading, along: str, unit: str) -> tuple[Run, ...]:
+    """The runs of a file; its faults gather in ``reading``."""
+    layout = reading.layout
+    chainage = reading.chainage(along)
+    factor = LEVEL_UNITS[unit] * (1.0 if layout.positive == "down" else -1.0)
+    level = reading.numbers(layout.level_column) * factor
+    other = None
+    if layout.second_level_column is not None:
+        other = reading.numbers(layout.second_level_column) * factor
+        if layout.rails == "mean":
+            level, other = 0.5 * (level + other), None
+    names = reading.names()
+    if reading.faults:
+        return ()
+    read = np.isfinite(chainage) & np.isfinite(level)
+    if other is not None:
+        read &= np.isfinite(other)
+    runs = []
+    for name in dict.fromkeys(names) if names is not None else [""]:
+        rows = np.ones(len(read), bool) if names is None else names == name
+        kept = rows & read
+        if np.sum(kept) < LEAST_POINTS:
+            which = f"run '{name}' has " if name else ""
+            reading.faults.append(f"{which}{int(np.sum(kept))} points; a run needs at least ten")
+        missing = int(np.sum(rows & ~read))
+        second = None if other is None else other[kept]
+        runs.append(Run(str(name), chainage[kept], level[kept], missing, second))
+    return tuple(runs)
 
 
-def _parquet(path: Path, wanted: list[str]) -> Any:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        with pq.ParquetFile(path) as source:
-            _check_names(path, wanted, source.schema_arrow.names)
-            if source.metadata.num_rows > MOST_ROWS:
-                raise InputError(f"{path} has {source.metadata.num_rows} rows; at most {MOST_ROWS}")
-            return source.read(columns=wanted)
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
-        raise InputError(f"{path} is no sound Parquet file: {_first_line(error)}") from None
-
-
-def _csv(path: Path, layout: RecordFormat, wanted: list[str]) -> Any:
-    import pyarrow as pa
-    from pyarrow import csv
-
-    reading = csv.ReadOptions(skip_rows=layout.skip_rows, use_threads=False)
-    parsing = csv.ParseOptions(delimiter=SEPARATORS[layout.separator])
-    kinds = {layout.chainage_column: pa.float64(), layout.level_column: pa.float64()}
-    if layout.run_column:
-        kinds[layout.run_column] = pa.string()
-    turning = csv.ConvertOptions(
-        column_types=kinds,
-        decimal_point=layout.decimal,
-        strings_can_be_null=False,
-        null_values=["", "NaN", "nan", "NA", "null", "-"],
-    )
-    try:
-        table = csv.read_csv(path, reading, parsing, turning)
-    except (pa.ArrowInvalid, pa.ArrowKeyError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path} cannot be read as a table with separator '{layout.separator}' and decimal "
-            f"sign '{layout.decimal}': {_first_line(error)}"
-        ) from None
-    _check_names(path, wanted, table.column_names)
-    if table.num_rows > MOST_ROWS:
-        raise InputError(f"{path} has {table.num_rows} rows; at most {MOST_ROWS}")
-    return table
-
-
-def _check_names(path: Path, wanted: list[str], held: list[str]) -> None:
-    lacking = [name for name in wanted if name not in held]
-    if lacking:
-        raise InputError(
-            f"{path} has no column {', '.join(map(repr, lacking))}; its columns: "
-            f"{', '.join(map(repr, held[:20]))}. Name yours (chainage_column, level_column, "
-            "run_column), or another separator"
+def _unit(
+    what: str, column: str, stated: str | None, accepted: Sequence[str], faults: list[str]
+) -> str:
+    """Unit by what is stated and by the column's name; "" where neither says one that is accepted."""
+    named = _unit_in(column, accepted)
+    if stated is None and named is None:
+        faults.append(
+            f"the unit of the {what} is not told: the column '{column}' does not end in one; "
+            f"give {what}_unit ({', '.join(accepted)}) or end the name in it, such as "
+            f"'{what}_{accepted[0]}'"
         )
-    twice = [name for name in wanted if held.count(name) > 1]
-    if twice:
-        raise InputError(f"{path} has the column {twice[0]!r} more than once")
+    elif stated is not None and stated not in accepted:
+        faults.append(f"{what}_unit is '{stated}'; accepted: {', '.join(accepted)}")
+        return ""
+    elif stated is not None and named is not None and stated != named:
+        faults.append(
+            f"{what}_unit is '{stated}', but the column '{column}' says '{named}'; "
+            "leave one of them out, or rename the column"
+        )
+    return stated or named or ""
 
 
-def _floats(path: Path, name: str, column: Any) -> np.ndarray:
+def _unit_in(column: str, accepted: Sequence[str]) -> str | None:
+    """Unit that a column's name ends in: ``level_mm``, ``level [mm]``, ``level (mm)``."""
+    ending = re.search(r"(?:_|\[|\()\s*([A-Za-z.+]+)\s*[\])]?$", column)
+    return ending[1].lower() if ending and ending[1].lower() in accepted else None
+
+
+def _as_texts(values: np.ndarray) -> Any:
     import pyarrow as pa
 
-    try:
-        values = np.asarray(column.cast(pa.float64()).to_numpy(), dtype=float)
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
-        raise InputError(
-            f"{path}: column '{name}' does not hold numbers but {column.type}"
-        ) from None
-    if np.any(np.isinf(values)):
-        raise InputError(f"{path}: column '{name}' holds an infinite number")
-    return values
-
-
-def _texts(path: Path, name: str, table: Any) -> np.ndarray:
-    values = np.array([str(value)[:80] for value in table[name].to_pylist()], dtype=object)
-    n = len(set(values))
-    if n > MOST_RUNS:
-        raise InputError(f"{path}: column '{name}' names {n} runs; at most {MOST_RUNS}")
-    return values
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+    return pa.array([None if np.isnan(v) else repr(float(v)) for v in values], pa.string())

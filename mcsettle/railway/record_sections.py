@@ -7,13 +7,13 @@ left of a difference is taken out by scaling to the section's own SD. No window 
 the level to zero.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
 from mcsettle.errors import InputError
-from mcsettle.railway.filters import Band, band_passed
+from mcsettle.railway.filters import Band, band_passed, level_from_versines
 from mcsettle.railway.irregularity import standard_deviation
 from mcsettle.railway.record import GAP, Run
 from mcsettle.railway.spectra import Spectrum
@@ -29,12 +29,19 @@ PLAUSIBLE = (1e-5, 5e-2)  # m, SD of a section in its band
 class Sections:
     """Sections of one run: S of them, K modes of the window.
 
-    ``starts`` [S] m; ``sd`` [S] m of the band-passed record over each section; ``amplitudes`` complex
-    [S, K] m with exactly these SDs; ``scaling`` [S] what the blend was multiplied by to have them.
-    ``step`` m; ``chainage``, ``level``, ``passed`` [N] the resampled run, whole and band-passed, m.
+    ``chainage_from``, ``chainage_to`` [S] m as the record's owner reads them; ``starts``, ``ends``
+    [S] their first points and the points behind their last ones. The last section may be shorter than
+    the window; ``left_over`` m behind it are too short to be one. ``sd`` [S] m of the band-passed
+    record over each section; ``amplitudes`` complex [S, K] m with exactly these SDs; ``scaling`` [S]
+    what the blend was multiplied by to have them. ``step`` m; ``chainage``, ``level``, ``passed`` [N]
+    the resampled run, whole and band-passed, m.
     """
 
+    chainage_from: np.ndarray
+    chainage_to: np.ndarray
     starts: np.ndarray
+    ends: np.ndarray
+    left_over: float
     sd: np.ndarray
     amplitudes: np.ndarray
     scaling: np.ndarray
@@ -45,31 +52,40 @@ class Sections:
 
 
 def resampled(run: Run, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Chainage and level [N] m of a mended ``run`` at equal steps [m].
+    """Chainage and level [N] m of a repaired ``run`` at equal steps [m].
 
     By a cubic spline; by Akima's, which does not swing out, where there are gaps to bridge.
     """
-    n = int(np.floor(run.length / step * (1.0 + 1e-12))) + 1
+    # The last point stands for a step of the record as every other one does.
+    n = int(np.floor((run.length + run.step) / step * (1.0 + 1e-12) + 1e-6))
     if n > MOST_POINTS:
         raise InputError(f"{n} points at steps of {step:g} m; at most {MOST_POINTS}")
     x = run.chainage[0] + step * np.arange(n)
+    within = np.minimum(x, run.chainage[-1])
     if np.max(np.diff(run.chainage)) > GAP * run.step:
-        return x, np.asarray(Akima1DInterpolator(run.chainage, run.level, method="makima")(x))
-    return x, np.asarray(CubicSpline(run.chainage, run.level)(x))
+        return x, np.asarray(Akima1DInterpolator(run.chainage, run.level, method="makima")(within))
+    return x, np.asarray(CubicSpline(run.chainage, run.level)(within))
 
 
-def cut(run: Run, window: float, wavenumbers: np.ndarray, band: Band) -> Sections:
-    """Sections of ``window`` [m] of a mended ``run``, from its first point on.
+def cut(
+    run: Run, window: float, wavenumbers: np.ndarray, band: Band, chord: float | None = None
+) -> Sections:
+    """Sections of ``window`` [m] of a repaired ``run``, from its first point on.
+
+    A point stands for the step behind it. What is left at the end is a shorter section of its own
+    from twice the longest wave on; its shape is that of the last whole window of the record.
 
     Parameters
     ----------
     run : Run
-        Of rising chainage (``record.mended``).
+        Of rising chainage (``record_findings.repaired``).
     window : float, m
     wavenumbers : ndarray, shape [K], rad/m
         Modes of the window that Step B carries.
     band : Band
         Filter of the record.
+    chord : float, optional, m
+        The levels are offsets from the middle of a chord of this length, and are converted.
 
     Raises
     ------
@@ -77,7 +93,7 @@ def cut(run: Run, window: float, wavenumbers: np.ndarray, band: Band) -> Section
         The run is shorter than a section, its points lie too far apart, or an SD is none of a track
         (units).
     """
-    if run.length < window * (1.0 - 1e-9):
+    if run.length + run.step < window * (1.0 - 1e-9):
         raise InputError(
             f"the record is {run.length:.4g} m long; a section (profile.window_m) is {window:g} m"
         )
@@ -89,19 +105,27 @@ def cut(run: Run, window: float, wavenumbers: np.ndarray, band: Band) -> Section
     per_section = int(np.ceil(window / min(FINEST_STEP, band.shortest / 10.0)))
     step = window / per_section
     x, level = resampled(run, step)
+    if chord is not None:
+        level = level_from_versines(level, step, chord, band.longest)
     passed = band_passed(level, step, band)
-    n = max(1, int((len(x) - 1 + 1e-9) // per_section))
-    pieces = [passed[i * per_section : (i + 1) * per_section] for i in range(n)]
-    sd = np.array([np.std(piece) for piece in pieces])
-    _check_plausible(sd)
-    blends = np.stack([_periodic(passed, i * per_section, per_section, step) for i in range(n)])
+    starts, ends = _ends(len(x), per_section, int(np.ceil(2.0 * band.longest / step)))
+    sd = np.array([np.std(passed[i:j]) for i, j in zip(starts, ends, strict=True)])
+    labels = np.interp(x, run.chainage, run.labels)
+    _check_plausible(sd, labels[starts])
+    blends = np.stack(
+        [_periodic(passed, min(i, len(x) - per_section), per_section, step) for i in starts]
+    )
     modes = np.rint(wavenumbers * window / (2.0 * np.pi)).astype(int)
     # Δu = Re Σ U e^{ikx}: twice the coefficient of rfft, over the number of points.
     amplitudes = 2.0 * np.fft.rfft(blends, axis=1)[:, modes] / per_section
     own = standard_deviation(amplitudes)
     scaling = sd / np.maximum(own, LEAST_SD * 1e-3)
     return Sections(
-        x[0] + window * np.arange(n),
+        labels[starts],
+        labels[ends - 1] + step,
+        starts,
+        ends,
+        float((len(x) - ends[-1]) * step),
         sd,
         amplitudes * scaling[:, None],
         scaling,
@@ -109,6 +133,20 @@ def cut(run: Run, window: float, wavenumbers: np.ndarray, band: Band) -> Section
         x,
         level,
         passed,
+    )
+
+
+def worse_rail(one: Sections, two: Sections) -> Sections:
+    """Of each section the rail with the larger SD; both rails are cut at the same points."""
+    second = two.sd > one.sd
+    rows = second[:, None]
+    return replace(
+        one,
+        sd=np.where(second, two.sd, one.sd),
+        amplitudes=np.where(rows, two.amplitudes, one.amplitudes),
+        scaling=np.where(second, two.scaling, one.scaling),
+        level=_chosen(one, two.level, one.level, second),
+        passed=_chosen(one, two.passed, one.passed, second),
     )
 
 
@@ -136,10 +174,29 @@ def _periodic(level: np.ndarray, start: int, n: int, step: float) -> np.ndarray:
     return piece
 
 
-def _check_plausible(sd: np.ndarray) -> None:
+def _chosen(sections: Sections, two: np.ndarray, one: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Level [N] of the second rail over the sections where it is chosen, of the first elsewhere."""
+    chosen = one.copy()
+    for start, end in zip(sections.starts[second], sections.ends[second], strict=True):
+        chosen[start:end] = two[start:end]
+    return chosen
+
+
+def _ends(n: int, per_section: int, least: int) -> tuple[np.ndarray, np.ndarray]:
+    """First points of the sections of ``n`` points, and the points behind their last ones."""
+    starts = np.arange(0, n - per_section + 1, per_section)
+    ends = starts + per_section
+    if n - ends[-1] >= least:
+        return np.append(starts, ends[-1]), np.append(ends, n)
+    return starts, ends
+
+
+def _check_plausible(sd: np.ndarray, chainage: np.ndarray) -> None:
     low, high = PLAUSIBLE
-    if np.max(sd) < low or np.median(sd) > high:
+    worst = int(np.argmax(sd))
+    if np.max(sd) < low or np.max(sd) > high:
         raise InputError(
             f"the sections have SDs of {1e3 * np.min(sd):.3g} to {1e3 * np.max(sd):.3g} mm in the "
-            "band, which is no track's: check level_unit"
+            f"band (the largest from {chainage[worst]:.6g} m on), which is no track's: check "
+            "level_unit, and what the record holds there"
         )

@@ -15,8 +15,9 @@ from typing import Any
 from mcsettle.railway.filters import Band
 from mcsettle.railway.ground_profiles import Columns, Ground, read_grounds
 from mcsettle.railway.measured_profiles import RecordChoice
-from mcsettle.railway.read_record import SEPARATORS, RecordFormat
+from mcsettle.railway.read_record import RecordFormat
 from mcsettle.railway.softening_choices import SofteningSettings
+from mcsettle.railway.text_files import SEPARATORS
 from mcsettle.railway.track import TRACKS, BeamTrack, Layer, SectionTrack, Track
 from mcsettle.railway.traffic import Service, Timetable, Train
 from mcsettle.step_b.settlement import SettlementModel
@@ -180,8 +181,9 @@ def build_record(table: ProfileTable, path: Path, digest: str) -> RecordChoice:
     layout = RecordFormat(
         **{field.name: getattr(record, field.name) for field in fields(RecordFormat)}
     )
-    kind = "ideal" if record.filter == "ideal" else "butterworth"
-    band = Band(table.shortest_m, table.longest_m, kind, record.filter_order)
+    passed = record.already_filtered is not None
+    kind = "ideal" if record.filter == "ideal" and not passed else "butterworth"
+    band = Band(table.shortest_m, table.longest_m, kind, record.filter_order, passed)
     return RecordChoice(path, digest, layout, record.run, record.repair, record.longest_gap_m, band)
 
 

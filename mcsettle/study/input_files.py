@@ -134,9 +134,11 @@ def read_record(profile: ProfileTable, locate: Locate) -> Record | None:
 def record_remarks(profile: ProfileTable, locate: Locate) -> list[str]:
     """What is odd about the record of ``profile``, and what is done about it."""
     record = read_record(profile, locate)
+    if record is None:
+        return []
     repairs = profile.record.repair if profile.record else ()
-    return [
+    return [f"profile.file: {remark}" for remark in record.remarks] + [
         f"profile.file: {finding.kind}: {finding.text}; "
         + ("repaired, as asked for" if finding.kind in repairs else "left as they are")
-        for finding in (record.findings if record is not None else ())
+        for finding in record.findings
     ]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mcsettle.errors import InputError
-from mcsettle.railway.filters import D1, Band, band_passed, sd_ratio
-from mcsettle.railway.spectra import spectrum
+from mcsettle.railway.filters import D1, Band, band_passed, sd_ratio, versine_loss
+from mcsettle.railway.spectra import fra, spectrum
 
 STEP = 0.25
 X = np.arange(0.0, 2000.0, STEP)
@@ -67,3 +67,11 @@ def test_what_cannot_be_filtered_is_refused() -> None:
         Band(kind="chebyshev")
     with pytest.raises(InputError, match="order 0"):
         Band(order=0)
+
+
+def test_what_a_chord_does_not_show() -> None:
+    """Versines of 10 and 20 m: blind at L/2, L/4, …; the shares of an FRA spectrum are in the docs."""
+    for chord, share, blind in ((10.0, 0.0070, (5.0,)), (20.0, 0.0349, (10.0, 5.0, 20.0 / 6.0))):
+        lost, waves = versine_loss(chord, Band(), lambda k: fra(k, 1.0))
+        assert lost == pytest.approx(share, abs=5e-4)
+        assert waves == pytest.approx(blind)

@@ -28,14 +28,14 @@ runner = CliRunner()
 
 @pytest.fixture(scope="module")
 def track() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A 4 km track of waves from 1 to 190 m: x [N] m, level [N] m, SD of each 200 m in 3–35 m [19]."""
+    """A 4 km track of waves from 1 to 190 m: x [N] m, level [N] m, SD of each 200 m in 3–35 m [20]."""
     k = wavenumbers(LENGTH, 1.0, 190.0)
     amplitudes = sample_profiles(spectrum("fra", 6), k, LENGTH, 5, [0])
     x = np.arange(0.0, LENGTH, FOOT)
     inside = (k > 2 * np.pi / 35.0 - 1e-9) & (k < 2 * np.pi / 3.0 + 1e-9)
-    fine = np.arange(0.0, 3800.0, 0.25)
+    fine = np.arange(0.0, 4000.0, 0.25)
     band = to_space(amplitudes[:, inside], k[inside], fine)[0]
-    return x, to_space(amplitudes, k, x)[0], band.reshape(19, 800).std(axis=1)
+    return x, to_space(amplitudes, k, x)[0], band.reshape(20, 800).std(axis=1)
 
 
 def record_csv(path: Path, x: np.ndarray, level: np.ndarray) -> Path:
@@ -82,7 +82,7 @@ def test_sd_and_spectrum_of_a_synthesised_record_come_back(folder: Path, track) 
     found = study(folder, {"ensemble": "sections"}).record()
     assert found is not None
     ratio = found.sections.sd / track[2]
-    rough = [0, 4, 7, 18]
+    rough = [0, 4, 7, 19]
     assert np.max(np.abs(np.delete(ratio, rough) - 1.0)) < 0.01, ratio
     assert np.max(np.abs(ratio - 1.0)) < 0.03, ratio
     report = profile_report(found, 200.0, MODES, Band())
@@ -130,18 +130,18 @@ def test_ensembles(folder: Path) -> None:
     phases = ensemble(parts, "phases", 2, 0.0, 1, range(3))
     np.testing.assert_allclose(np.abs(phases), np.abs(itself), rtol=1e-12)
     assert np.min(np.abs(np.angle(phases[0] / phases[1]))) > 1e-6
-    line = ensemble(parts, "sections", 1, 0.0, 1, range(19))
+    line = ensemble(parts, "sections", 1, 0.0, 1, range(20))
     np.testing.assert_array_equal(line, parts.amplitudes)
-    noisy = ensemble(parts, "sections", 1, 0.2e-3, 1, range(38))
+    noisy = ensemble(parts, "sections", 1, 0.2e-3, 1, range(40))
     errors = standard_deviation(noisy - np.tile(parts.amplitudes, (2, 1)))
-    assert errors.mean() == pytest.approx(0.2e-3, rel=4.0 / np.sqrt(2 * 61 * 38))
+    assert errors.mean() == pytest.approx(0.2e-3, rel=4.0 / np.sqrt(2 * 61 * 40))
     for kind, noise in (("phases", 0.0), ("section", 1e-4)):  # addressed: alone as in a batch
         batch = ensemble(parts, kind, 1, noise, 9, range(5))
         np.testing.assert_array_equal(ensemble(parts, kind, 1, noise, 9, [3])[0], batch[3])
-    with pytest.raises(InputError, match=r"19 sections, and realisation 19 .*at most 19"):
-        ensemble(parts, "sections", 1, 0.0, 1, range(20))
-    with pytest.raises(InputError, match="section 20 is asked for; the record has 1 to 19"):
-        ensemble(parts, "phases", 20, 0.0, 1, range(2))
+    with pytest.raises(InputError, match=r"20 sections, and realisation 20 .*at most 20"):
+        ensemble(parts, "sections", 1, 0.0, 1, range(21))
+    with pytest.raises(InputError, match="section 21 is asked for; the record has 1 to 20"):
+        ensemble(parts, "phases", 21, 0.0, 1, range(2))
 
 
 def test_profiles_of_a_study(folder: Path) -> None:
@@ -259,14 +259,14 @@ def test_the_command(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "look"
     shown = runner.invoke(app, ["profile", path, *options, "--speed-kmh", "200", "--out", str(out)])
     assert shown.exit_code == 0, shown.stderr
-    assert "SD of 19 sections of 200 m" in shown.stdout
+    assert "SD of 20 sections of 200 m" in shown.stdout
     assert "finding: spikes: 1 spikes" in shown.stdout
     assert sorted(p.name for p in out.iterdir() if p.is_file()) == [
         "profile.json", "profile.png", "profile.svg",
     ]  # fmt: skip
     told = runner.invoke(app, ["profile", path, *options, "--filter", "en13848_d1", "--json"])
     data = json.loads(told.stdout)
-    assert len(data["sections"]) == 19
+    assert len(data["sections"]) == 20
     assert data["sections"][0]["sd_mm"] == pytest.approx(data["sections"][0]["sd_d1_mm"])
     assert 0.9 < data["filter"]["sd_over_ideal"] < 1.0
     own = folder / "study.toml"

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from mcsettle.errors import InputError
 from mcsettle.railway.read_record import RecordFormat, read_record
-from mcsettle.railway.record import KINDS, Run, chosen_run, findings, mended, spike_places
+from mcsettle.railway.record import Run, chosen_run
+from mcsettle.railway.record_findings import findings, repaired, spike_places
 
 X = np.arange(0.0, 60.0, 0.25)
 LEVEL = 2e-3 * np.sin(X / 2.0)
@@ -66,8 +67,10 @@ def test_separators_decimal_signs_and_rows_before_the_heading(tmp_path: Path) ->
     path = written(tmp_path / "a.csv", "made by a car\nin May\n" + text)
     (run,) = read_record(path, RecordFormat(separator="semicolon", decimal=",", skip_rows=2))
     np.testing.assert_allclose(run.level, LEVEL, atol=1e-12)
-    with pytest.raises(InputError, match=r"no column 'chainage_m'|cannot be read as a table"):
+    with pytest.raises(InputError) as caught:  # every fault at once
         read_record(path, RecordFormat())
+    for said in ("4 faults", 'separator = "semicolon"', "skip_rows = 2", 'decimal = ","'):
+        assert said in str(caught.value)
 
 
 def test_several_runs(tmp_path: Path) -> None:
@@ -81,10 +84,11 @@ def test_several_runs(tmp_path: Path) -> None:
     assert chosen_run(runs, None) is runs[0]
     with pytest.raises(InputError, match="no run '2016'; its runs: 2014-11-10, 2015-03-23"):
         chosen_run(runs, "2016")
-    # Without the column both runs are one, and every chainage comes again.
+    # Without the column both runs are one, and the same track comes again.
     (both,) = read_record(path, RecordFormat())
-    counts = {f.kind: f.count for f in findings(both)}
-    assert counts == {"unordered": 1, "repeated": len(X)}
+    (finding,) = findings(both)
+    assert (finding.kind, finding.count) == ("restarts", 1)
+    assert "run_column" in finding.text
 
 
 def test_each_finding_is_named_and_nothing_is_mended_in_silence() -> None:
@@ -94,19 +98,20 @@ def test_each_finding_is_named_and_nothing_is_mended_in_silence() -> None:
     order = np.arange(len(x))
     order[[200, 201]] = order[[201, 200]]
     run = Run("up line", x[order], level[order], missing=3)
+    kinds = ("missing", "unordered", "repeated", "gaps", "spikes")
     found = {f.kind: f for f in findings(run)}
-    assert set(found) == set(KINDS)
+    assert set(found) == set(kinds)
     assert found["gaps"].first == pytest.approx(x[100])
     assert found["spikes"].first == pytest.approx(12.5)
     with pytest.raises(InputError, match=r"'up line'.*missing: 3 rows.*unordered.*repeated.*gaps"):
-        mended(run, (), 5.0)
+        repaired(run, (), 5.0)
     with pytest.raises(InputError, match="has gaps: 1 gaps"):
-        mended(run, ("missing", "unordered", "repeated"), 5.0)
+        repaired(run, ("missing", "unordered", "repeated"), 5.0)
     with pytest.raises(InputError, match=r"a gap of 1 m; gaps of up to 0.9 m are bridged"):
-        mended(run, KINDS, 0.9)
-    kept = mended(run, KINDS[:-1], 5.0)  # spikes are reported, and stay
+        repaired(run, kinds, 0.9)
+    kept = repaired(run, kinds[:-1], 5.0)  # spikes are reported, and stay
     assert np.max(np.abs(kept.level)) > 0.015
-    sound = mended(run, KINDS, 5.0)
+    sound = repaired(run, kinds, 5.0)
     assert np.all(np.diff(sound.chainage) > 0.0)
     np.testing.assert_allclose(sound.level, 2e-3 * np.sin(sound.chainage / 2.0), atol=1.2e-4)
 
@@ -122,13 +127,16 @@ def test_a_smooth_record_has_no_spikes() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "cannot be read as a table"),
+        ("", "is empty; a record has a heading"),
         ("chainage_m,level_mm\n", "0 points; a run needs at least ten"),
-        ("chainage_m,level_mm\n1,x\n", "cannot be read as a table"),
-        ("chainage_m,level_mm\n1,2\n3\n", "cannot be read as a table"),
+        (
+            "chainage_m,level_mm\n1,x\n",
+            "column 'level_mm': one cell is no finite number, .*line 2: 'x'",
+        ),
+        ("chainage_m,level_mm\n1,2\n3\n", r"1 line has another number of cells .*line 3 \(1\)"),
         ("chainage_m,chainage_m,level_mm\n1,1,2\n", "more than once"),
-        ("a,b\n1,2\n", "its columns: 'a', 'b'"),
-        ("chainage_m,level_mm\n" + "1,inf\n" * 12, "infinite"),
+        ("a,b\n1,2\n", r"its columns: 'a' \(1\), 'b' \(2\)"),
+        ("chainage_m,level_mm\n" + "1,inf\n" * 12, "12 cells are no finite number"),
         ("PAR1 not really", "no sound Parquet file"),
     ],
 )

@@ -59,7 +59,8 @@ def _spectrum(axes: Axes, report: ProfileReport) -> None:
 
 
 def _sections(axes: Axes, report: ProfileReport) -> None:
-    middle = report.sections.starts + 0.5 * report.window
+    parts = report.sections
+    middle = 0.5 * (parts.chainage_from + parts.chainage_to)
     width = 0.4 * report.window
     axes.bar(middle - 0.5 * width, report.sd * 1e3, width, color=COLOURS[0],
              label=f"{report.band.shortest:g}–{report.band.longest:g} m")  # fmt: skip

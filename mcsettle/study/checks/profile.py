@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from mcsettle.railway.filters import D1
 from mcsettle.study.checks.parts import Parts
 from mcsettle.study.faults import Fault
-from mcsettle.study.schema.profile import ProfileTable
+from mcsettle.study.schema.profile import ProfileTable, RecordTable
 
 
 def profile_faults(parts: Parts) -> Iterator[Fault]:
@@ -53,5 +53,19 @@ def _record(profile: ProfileTable) -> Iterator[Fault]:
             f"received 'en13848_d1' with the band {profile.shortest_m:g} to {profile.longest_m:g} m; "
             f"D1 is shortest_m = {D1[0]:g}, longest_m = {D1[1]:g}",
         )
+    if record.already_filtered == "en13848_d1":
+        if (profile.shortest_m, profile.longest_m) != D1:
+            yield Fault(
+                "profile.record.already_filtered",
+                f"received 'en13848_d1' with the band {profile.shortest_m:g} to "
+                f"{profile.longest_m:g} m; waves outside D1 are not in the record: say shortest_m = "
+                f"{D1[0]:g}, longest_m = {D1[1]:g}",
+            )
+        for key in ("filter", "versine_chord_m"):
+            if getattr(record, key) != RecordTable.model_fields[key].default:
+                said = "has no meaning for a record that is already_filtered; leave it out"
+                yield Fault(f"profile.record.{key}", said)
+    if record.dates is not None and record.run_column is None:
+        yield Fault("profile.record.dates", "says how dates are written; say where: run_column")
     if record.run is not None and record.run_column is None:
         yield Fault("profile.record.run", "names a run; say which column does: run_column")

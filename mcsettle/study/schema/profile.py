@@ -8,6 +8,20 @@ from mcsettle.study.schema.base import Column, FileName, Spectrum, Table
 from mcsettle.study.schema.quantities import Metres, Millimetres
 from mcsettle.units import MM
 
+Mark = Annotated[str, Field(min_length=1, max_length=40)]  # what stands where nothing was read
+Repair = Literal[
+    "missing",
+    "implausible",
+    "constant",
+    "steps",
+    "restarts",
+    "unordered",
+    "repeated",
+    "short_kilometres",
+    "gaps",
+    "spikes",
+]
+
 
 class RecordTable(Table):
     """``[profile.record]``: how the measured record is written, and what is taken of it."""
@@ -15,18 +29,29 @@ class RecordTable(Table):
     chainage_column: Column = "chainage_m"
     level_column: Column = "level_mm"
     run_column: Column | None = None
-    chainage_unit: Literal["m", "km", "ft", "yd", "mi"] | None = None
+    offset_column: Column | None = None
+    second_level_column: Column | None = None
+    rails: Literal["mean", "worse"] | None = None
+    chainage_unit: Literal["m", "km", "ft", "yd", "mi", "km+m", "km.m", "mi.yd", "mi.ch"] | None = (
+        None
+    )
     level_unit: Literal["mm", "m", "cm", "in"] | None = None
     positive: Literal["down", "up"] = "down"
     separator: Literal["comma", "semicolon", "tab", "space"] = "comma"
     decimal: Literal[".", ","] = "."
+    thousands: Literal[",", ".", "'", " "] | None = None
+    encoding: (
+        Literal["utf-8", "utf-16", "cp1252", "cp1250", "iso-8859-1", "iso-8859-15", "cp850"] | None
+    ) = None
+    missing_values: Annotated[tuple[Mark | float, ...], Field(max_length=20)] | None = None
     skip_rows: Annotated[int, Field(ge=0, le=10_000)] = 0
+    skip_after_heading: Annotated[int, Field(ge=0, le=100)] | None = None
+    dates: Literal["iso", "day_first", "month_first"] | None = None
     run: Column | None = None
-    repair: Annotated[
-        tuple[Literal["missing", "unordered", "repeated", "gaps", "spikes"], ...],
-        Field(max_length=5),
-    ] = ()
+    repair: Annotated[tuple[Repair, ...], Field(max_length=10)] = ()
     longest_gap_m: Annotated[Metres, Field(le=100)] = 5.0
+    already_filtered: Literal["en13848_d1"] | None = None
+    versine_chord_m: Annotated[Metres, Field(ge=1, le=100)] | None = None
     filter: Literal["ideal", "butterworth", "en13848_d1"] = "ideal"
     filter_order: Annotated[int, Field(ge=1, le=12)] = 4
     ensemble: Literal["section", "phases", "sections"] = "section"
