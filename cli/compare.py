@@ -2,11 +2,13 @@
 
 import dataclasses
 import json
-import sys
 from typing import TYPE_CHECKING, Any
 
+from rich.markup import escape
+
+from mcsettle.cli.tables import UNKNOWN, add_numbers, console, quantiles, table
+
 if TYPE_CHECKING:
-    from mcsettle.estimate.estimate import Estimate
     from mcsettle.summary.compare import Comparison, Row
 
 MOST_DIFFERENCES = 40
@@ -14,33 +16,25 @@ MOST_DIFFERENCES = 40
 
 def print_comparison(found: "Comparison") -> None:
     """Tables on stdout."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    out = console()
     if found.differences:
-        table = Table(title="Inputs that differ", title_justify="left", pad_edge=False)
-        for heading in ("input", "first", "second"):
-            table.add_column(heading, overflow="fold")
+        inputs = table("Inputs that differ", "input", "first", "second")
         for entry in found.differences[:MOST_DIFFERENCES]:
-            table.add_row(*(_text(v) for v in (entry.path, entry.first, entry.second)))
-        console.print(table)
+            inputs.add_row(*(_text(v) for v in (entry.path, entry.first, entry.second)))
+        out.print(inputs)
         more = len(found.differences) - MOST_DIFFERENCES
         if more > 0:
-            console.print(f"and {more} more", markup=False)
+            out.print(f"and {more} more", markup=False)
     else:
-        console.print("The two studies have the same inputs.", markup=False)
-    table = Table(title="Medians", title_justify="left", pad_edge=False)
-    for heading in ("variant", "scenario", "metric"):
-        table.add_column(heading, overflow="fold", no_wrap=heading == "metric")
-    table.add_column("unit", overflow="fold", max_width=16)
-    for heading in ("first ± s.e.", "second ± s.e.", "change P5", "P50 ± s.e.", "P95"):
-        table.add_column(heading, justify="right")
+        out.print("The two studies have the same inputs.", markup=False)
+    medians = table("Medians", "variant", "scenario", "metric")
+    medians.add_column("unit", overflow="fold", max_width=16)
+    add_numbers(medians, "first ± s.e.", "second ± s.e.", "change P5", "P50 ± s.e.", "P95")
     for row in found.rows:
-        table.add_row(*_cells(row))
-    console.print(table)
+        medians.add_row(*_cells(row))
+    out.print(medians)
     for line in _remarks(found):
-        console.print(line, markup=False)
+        out.print(line, markup=False)
 
 
 def comparison_json(found: "Comparison") -> str:
@@ -50,14 +44,10 @@ def comparison_json(found: "Comparison") -> str:
 
 
 def _cells(row: "Row") -> list[str]:
-    change = ["", "", ""]
-    if row.change:
-        low, middle, high = row.change
-        change = [_number(low), _number(middle, True), _number(high)]
-        change = [
-            text + (" %" if row.change_unit == "%" and text != "–" else "") for text in change
-        ]
-    medians = (_number(row.first, True), _number(row.second, True))
+    change = quantiles(*row.change) if row.change else ["", "", ""]
+    if row.change_unit == "%":
+        change = [text and text + (" %" if text != UNKNOWN else "") for text in change]
+    medians = [estimate.with_error(UNKNOWN) for estimate in (row.first, row.second)]
     return [row.variant, row.scenario, row.metric, row.unit, *medians, *change]
 
 
@@ -74,16 +64,7 @@ def _remarks(found: "Comparison") -> list[str]:
     return [*told, "–: not reached, or not known for too many censored tracks.", *found.only]
 
 
-def _number(estimate: "Estimate", error: bool = False) -> str:
-    if estimate.value is None:
-        return "–"
-    known = error and estimate.standard_error
-    return f"{estimate.value:.4g}" + (f" ± {estimate.standard_error:.2g}" if known else "")
-
-
 def _text(value: Any) -> str:
-    from rich.markup import escape
-
     if value is None:
-        return "–"
+        return UNKNOWN
     return escape(f"{value:.6g}" if isinstance(value, float) else str(value))

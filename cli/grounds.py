@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mcsettle.cli.tables import shown
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,11 +39,11 @@ def report_lines(report: "GroundReport") -> Iterator[str]:
         f" {'cost P50':>10} {'mean':>10} GBP/track-km; {'marginal':>9}"
     )
     for row in (*report.rows, report.line):
-        days = " ".join(f"{_shown(value):>9}" for value in row.days)
+        days = " ".join(f"{shown(value):>9}" for value in row.days)
         yield (
             f"{row.segment:>10} {row.grounds:>4} {row.failed:>6} {row.known:>6.1%} {days}       "
-            f"{_shown(row.cost[1]):>10} {_shown(row.mean_cost):>10}               "
-            f"{_shown(row.marginal):>9}"
+            f"{shown(row.cost[1]):>10} {shown(row.mean_cost):>10}               "
+            f"{shown(row.marginal):>9}"
         )
     for reason in report.reasons[:MOST_REASONS]:
         yield f"failed: {reason}"
@@ -88,7 +89,3 @@ def _row(row: "SegmentRow") -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _shown(value: float) -> str:
-    return f"{value:.4g}" if math.isfinite(value) else "–"

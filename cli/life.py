@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mcsettle.cli.tables import shown
 from mcsettle.cli.terminal import talk
+from mcsettle.estimate.rounding import with_error
 from mcsettle.units import MM
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ def life_lines(found: Sequence["Life"]) -> Iterator[str]:
     """Present cost of the sequence and by Eq. (4), marginal costs, tampings of a life."""
     for life in found:
         yield f"== {life.variant} {life.scenario}: {len(life.cost)} tracks{_open(life)}"
-        yield f"{'':<34}{'mean':>10} {'± s.e.':>9} {'P5':>10} {'P50':>10} {'P95':>10}"
+        yield f"{'':<34}{'mean ± s.e.':>20} {'P5':>10} {'P50':>10} {'P95':>10}"
         for text, values in _rows(life):
             known = values[np.isfinite(values)]
             if len(known):
@@ -107,9 +109,10 @@ def _rows(life: "Life") -> list[tuple[str, np.ndarray]]:
 
 
 def _line(text: str, known: np.ndarray) -> str:
-    error = f"{_error(known):.2g}" if len(known) > 1 else "-"
-    low, middle, high = np.quantile(known, LEVELS)
-    return f"{text:<34}{known.mean():>10.5g} {error:>9} {low:>10.5g} {middle:>10.5g} {high:>10.5g}"
+    error = _error(known) if len(known) > 1 else None
+    mean = with_error(float(known.mean()), error)
+    low, middle, high = (shown(float(q), 5) for q in np.quantile(known, LEVELS))
+    return f"{text:<34}{mean:>20} {low:>10} {middle:>10} {high:>10}"
 
 
 def _numbers(values: np.ndarray) -> dict[str, float | int | None]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mcsettle.cli.terminal import talk
 from mcsettle.errors import InputError
+from mcsettle.estimate.rounding import with_error
 
 if TYPE_CHECKING:
     from mcsettle.analysis.profile import ProfileReport
@@ -111,7 +112,7 @@ def report_lines(report: "ProfileReport") -> Iterator[str]:
     yield "fitted spectra (nearest published class; misfit over wavelength in decades):"
     for fit in report.fits:
         yield (
-            f"  {fit.shape:<15} {fit.roughness:.4g} ± {fit.standard_error:.2g} {fit.unit}"
+            f"  {fit.shape:<15} {with_error(fit.roughness, fit.standard_error)} {fit.unit}"
             f"  ({fit.nearest}; {fit.misfit:.2f})"
         )
 

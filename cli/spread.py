@@ -1,8 +1,13 @@
 """Lines on uncertainty: what the spread consists of, lines of track, tornado, convergence, posterior."""
 
-import sys
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+
+from mcsettle.cli.tables import UNKNOWN, add_numbers, console, shown, table
+from mcsettle.estimate.rounding import number
 
 if TYPE_CHECKING:
     from mcsettle.analysis.posterior import Posterior
@@ -11,48 +16,42 @@ if TYPE_CHECKING:
     from mcsettle.run.stopping import Batch, Target
     from mcsettle.summary.summary import SummaryRow
 
-WIDTH = 140
-
 
 def print_spread(rows: "list[SummaryRow]") -> None:
     """Tables of one variant: variance split and indices, pairing, and the mean along a line."""
-    console, table = _console(), _table("What the spread consists of, share of the variance [%]")
-    for heading in ("parameters", "sections", "interaction", "pairing gain", "correlation"):
-        table.add_column(heading, justify="right")
-    told = False
+    out = console()
+    split = table("What the spread consists of, share of the variance [%]", "scenario", "metric")
+    add_numbers(split, "parameters", "sections", "interaction", "pairing gain", "correlation")
     for row in rows:
         cells = [_share(row, "variance_share", part) for part in
                  ("parameters", "sections", "interaction")]  # fmt: skip
         cells += [_share(row, kind, "", 1.0) for kind in ("pairing_gain", "correlation")]
         if any(cells):
-            told = True
-            table.add_row(row.scenario, row.metric, *cells)
-    if told:
-        console.print(table)
+            split.add_row(row.scenario, row.metric, *cells)
+    if split.row_count:
+        out.print(split)
     lines = list(_index_lines(rows))
     for line in lines:
-        console.print(line, markup=False)
+        out.print(line, markup=False)
     if not lines and any(s.statistic == "variance_share" for row in rows for s in row.spread):
         from mcsettle.estimate.variance import LEAST_SETS
 
-        console.print(f"Indices of single inputs: from {LEAST_SETS} parameter sets on.")
-    _print_lines(console, rows)
+        out.print(f"Indices of single inputs: from {LEAST_SETS} parameter sets on.")
+    _print_lines(out, rows)
 
 
 def print_tornado(bars: "list[Bar]") -> None:
     """One table on stdout: medians at P10 and P90 of each input, the others central."""
-    table = _table("Medians with one input at its P10 and its P90, the others central")
-    for heading in ("input", "P10", "P90"):
-        table.add_column(heading, overflow="fold")
-    for heading in ("at P10", "central", "at P90"):
-        table.add_column(heading, justify="right")
+    title = "Medians with one input at its P10 and its P90, the others central"
+    medians = table(title, "scenario", "metric", "input", "P10", "P90")
+    add_numbers(medians, "at P10", "central", "at P90")
     previous: tuple[str, str] = ("", "")
     for bar in bars:
         head = (bar.scenario, bar.metric)
-        cells = [_plain(v) for v in (bar.low, bar.high, bar.at_low, bar.central, bar.at_high)]
-        table.add_row(*(head if head != previous else ("", "")), bar.input, *cells)
+        cells = [shown(v) for v in (bar.low, bar.high, bar.at_low, bar.central, bar.at_high)]
+        medians.add_row(*(head if head != previous else ("", "")), bar.input, *cells)
         previous = head
-    _console().print(table)
+    console().print(medians)
 
 
 def tornado_json(bars: "list[Bar]") -> str:
@@ -111,8 +110,8 @@ def posterior_warnings(found: "Posterior") -> Iterator[str]:
         )
 
 
-def spread_json(row: "SummaryRow") -> list[dict[str, Any]]:
-    """The spread statistics of a row as plain data."""
+def statistics_json(statistics: "Iterable[Statistic]") -> list[dict[str, Any]]:
+    """Statistics with their estimates as plain data."""
     import dataclasses
 
     return [
@@ -122,32 +121,32 @@ def spread_json(row: "SummaryRow") -> list[dict[str, Any]]:
             "level": s.level,
             **dataclasses.asdict(s.estimate),
         }
-        for s in row.spread
+        for s in statistics
     ]
 
 
-def _print_lines(console: Any, rows: "list[SummaryRow]") -> None:
+def _print_lines(out: Console, rows: "list[SummaryRow]") -> None:
     """Mean interval and mean cost over lines of several lengths, each with its 95 % interval."""
-    table = _table(
-        "Mean over a line of independent sections, [95 % interval of the Monte Carlo error]"
+    title = "Mean over a line of independent sections, [95 % interval of the Monte Carlo error]"
+    means = table(title, "scenario", "metric")
+    add_numbers(
+        means, "line", "P5", "P50", "P95", "mean", "median section", "cost at mean interval"
     )
-    for heading in ("line", "P5", "P50", "P95", "mean", "median section", "cost at mean interval"):
-        table.add_column(heading, justify="right")
     for row in rows:
         of_line = [s for s in row.spread if s.statistic == "line_mean"]
         named = [row.scenario, row.metric]
-        ends = [_plain(row.at(0.5).value), _share(row, "cost_at_mean_interval", "", 1.0)]
+        ends = [shown(row.at(0.5).value), _share(row, "cost_at_mean_interval", "", 1.0)]
         for length in dict.fromkeys(s.subject for s in of_line):
             cells = [_ranged(s.estimate) for s in of_line if s.subject == length]
-            table.add_row(*named, length, *cells, *ends)
+            means.add_row(*named, length, *cells, *ends)
             named, ends = ["", ""], ["", ""]
-    if not table.row_count:
+    if not means.row_count:
         return
-    console.print(table)
+    out.print(means)
     for note in dict.fromkeys(s.estimate.note for r in rows for s in r.spread if s.subject):
         if note.startswith("restricted"):
-            console.print(f"Intervals are {note}: sections that last longer count with it.")
-    console.print(
+            out.print(f"Intervals are {note}: sections that last longer count with it.")
+    out.print(
         "A line's price is the mean of its sections' costs. Uncertain inputs are the same all along "
         "a line, so their spread stays. Open: too few parameter sets or tracks to say how far.",
         markup=False,
@@ -156,16 +155,10 @@ def _print_lines(console: Any, rows: "list[SummaryRow]") -> None:
 
 def _ranged(estimate: "Estimate") -> str:
     """A value and under it its interval."""
-    from rich.markup import escape
-
     if estimate.value is None:
-        return "–"
-    ends = ("open" if end is None else _short(end) for end in (estimate.lower, estimate.upper))
-    return f"{_short(estimate.value)}\n" + escape(f"[{', '.join(ends)}]")
-
-
-def _short(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+        return UNKNOWN
+    ends = (number(end, empty="open") for end in (estimate.lower, estimate.upper))
+    return f"{number(estimate.value)}\n" + escape(f"[{', '.join(ends)}]")
 
 
 def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:
@@ -184,37 +177,11 @@ def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:
 
 
 def _index(statistic: "Statistic") -> str:
-    value, error = statistic.estimate.value, statistic.estimate.standard_error
-    return f"{statistic.subject} {100.0 * (value or 0.0):.0f} ± {100.0 * (error or 0.0):.0f}"
+    return f"{statistic.subject} {statistic.estimate.with_error(UNKNOWN, 100.0)}"
 
 
 def _share(row: "SummaryRow", kind: str, subject: str, factor: float = 100.0) -> str:
-    found: Iterable[Estimate] = (
-        s.estimate for s in row.spread if s.statistic == kind and s.subject == subject
-    )
-    estimate = next(iter(found), None)
-    if estimate is None:
-        return ""
-    if estimate.value is None:
-        return "–"
-    error = f" ± {factor * estimate.standard_error:.2g}" if estimate.standard_error else ""
-    return f"{factor * estimate.value:.3g}{error}"
-
-
-def _plain(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4g}"
-
-
-def _console() -> Any:
-    from rich.console import Console
-
-    return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
-
-
-def _table(title: str) -> Any:
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", pad_edge=False)
-    table.add_column("scenario", overflow="fold")
-    table.add_column("metric", no_wrap=True)
-    return table
+    for s in row.spread:
+        if s.statistic == kind and s.subject == subject:
+            return s.estimate.with_error(UNKNOWN, factor)
+    return ""

@@ -2,14 +2,15 @@
 
 import dataclasses
 import json
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
+
+from mcsettle.cli.spread import print_spread, statistics_json
+from mcsettle.cli.tables import add_numbers, console, quantiles, shown, table
 
 if TYPE_CHECKING:
     from mcsettle.analysis.table4 import Increase
     from mcsettle.analysis.track_summary import Row
-    from mcsettle.estimate.estimate import Estimate
     from mcsettle.study.study import Study
     from mcsettle.summary.results import Results
     from mcsettle.summary.summary import SummaryRow
@@ -39,8 +40,6 @@ def study_lines(study: "Study") -> Iterator[str]:
 
 def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
     """Every number of the summary as JSON, standard errors and intervals included."""
-    from mcsettle.cli.summarise import weights_json
-
     study = results.study
     keys = ["variant", "scenario", "status"]
     counts = results.realisations.groupby(keys).size().reset_index(name="n")
@@ -59,35 +58,25 @@ def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
 
 def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
     """Print one table a variant on stdout."""
-    from rich.console import Console
-    from rich.table import Table
-
-    from mcsettle.cli.spread import print_spread
-    from mcsettle.cli.summarise import conditioned_cells, print_inputs
-
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
-    console.print(results.study.title or "untitled", style="bold", markup=False)
+    out = console()
+    out.print(results.study.title or "untitled", style="bold", markup=False)
     for variant in results.study.variants:
-        own = [row for row in rows if row.variant == variant.name]
+        of_variant = [row for row in rows if row.variant == variant.name]
         title = f"{variant.name}: {variant.title}" if variant.title else variant.name
-        table = Table(title=title, title_justify="left", pad_edge=False)
-        table.add_column("scenario", overflow="fold")
-        table.add_column("metric", no_wrap=True)
-        table.add_column("unit", overflow="fold")
-        for heading in ("P5", "P50 ± s.e.", "P95", "n", "cens.", "published", "at"):
-            table.add_column(heading, justify="right")
+        bands = table(title, "scenario", "metric", "unit")
+        add_numbers(bands, "P5", "P50 ± s.e.", "P95", "n", "cens.", "published", "at")
         previous = ""
-        for row in own:
-            table.add_row(*_cells(row, row.scenario != previous))
+        for row in of_variant:
+            bands.add_row(*_cells(row, row.scenario != previous))
             given = conditioned_cells(row)
             if given is not None:
-                table.add_row(*given)
+                bands.add_row(*given)
             previous = row.scenario
-        console.print(table if own else f"{title}: no realisation has a result")
-        print_spread(own)
+        out.print(bands if of_variant else f"{title}: no realisation has a result")
+        print_spread(of_variant)
         print_inputs(results, variant.name)
     for line in _remarks(results):
-        console.print(line, markup=False)
+        out.print(line, markup=False)
 
 
 def calibration_lines(found: Any) -> Iterator[str]:
@@ -139,14 +128,11 @@ def _increase(row: "Increase") -> str:
 
 def _cells(row: "SummaryRow", first: bool) -> list[str]:
     middle = row.at(0.5)
-    error = middle.standard_error
-    centre = _number(middle) + (f" ± {error:.2g}" if error and middle.value is not None else "")
-    published = f"{row.reference.value:g}" if row.reference else ""
-    percent = _percentile(row)
-    counts = [str(middle.n), str(middle.n_censored)]
     name = row.scenario if first else ""
-    low, high = _number(row.at(0.05)), _number(row.at(0.95))
-    return [name, row.metric, row.unit, low, centre, high, *counts, published, percent]
+    band = quantiles(row.at(0.05), middle, row.at(0.95))
+    counts = [str(middle.n), str(middle.n_censored)]
+    published = f"{row.reference.value:g}" if row.reference else ""
+    return [name, row.metric, row.unit, *band, *counts, published, _percentile(row)]
 
 
 def _percentile(row: "SummaryRow") -> str:
@@ -155,10 +141,6 @@ def _percentile(row: "SummaryRow") -> str:
         return ""
     low, high = (round(end) for end in row.reference_range)
     return f"P{row.reference_percent:.0f}" + (f" ({low}–{high})" if low != high else "")
-
-
-def _number(estimate: "Estimate") -> str:
-    return "–" if estimate.value is None else f"{estimate.value:.4g}"
 
 
 def _remarks(results: "Results") -> Iterator[str]:
@@ -189,9 +171,6 @@ def _what_varies(results: "Results") -> str:
 
 
 def _json_row(row: "SummaryRow") -> dict[str, Any]:
-    from mcsettle.cli.spread import spread_json
-    from mcsettle.cli.summarise import conditioned_json
-
     reference = row.reference.model_dump() if row.reference else None
     return {
         "variant": row.variant,
@@ -202,11 +181,11 @@ def _json_row(row: "SummaryRow") -> dict[str, Any]:
             {"statistic": s.statistic, "level": s.level, **dataclasses.asdict(s.estimate)}
             for s in row.statistics
         ],
-        "spread": spread_json(row),
+        "spread": statistics_json(row.spread),
         "reference": reference,
         "reference_percent": row.reference_percent,
         "reference_range": row.reference_range,
-        "conditioned": conditioned_json(row),
+        "conditioned": statistics_json(row.conditioned),
         "conditioned_percent": row.conditioned_percent,
     }
 
@@ -215,78 +194,39 @@ def _value(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-if TYPE_CHECKING:
-    from mcsettle.summary.results import Results
-    from mcsettle.summary.summary import SummaryRow
-
-WIDTH = 140
-
-
 def conditioned_cells(row: "SummaryRow") -> list[str] | None:
     """Cells of the second line of a row: the same numbers given the observations; None without."""
     low, middle, high = (row.conditioned_at(level) for level in (0.05, 0.5, 0.95))
     if low is None or middle is None or high is None:
         return None
-    error = middle.standard_error
-    centre = _plain(middle.value)
-    centre += f" ± {error:.2g}" if error and middle.value is not None else ""
     share = row.conditioned_percent
     at = "" if share is None else f"P{share:.0f}"
-    return [
-        "",
-        "  given observed",
-        "",
-        _plain(low.value),
-        centre,
-        _plain(high.value),
-        "",
-        "",
-        "",
-        at,
-    ]
+    return ["", "  given observed", "", *quantiles(low, middle, high), "", "", "", at]
 
 
 def print_inputs(results: "Results", variant: str) -> None:
     """What the observations leave of the inputs, and how many parameter sets carry the weight."""
-    from rich.console import Console
-    from rich.table import Table
-
-    found = results.conditioning(variant)
-    if found is None:
+    conditioning = results.conditioning(variant)
+    if conditioning is None:
         return
-    console = Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
-    n = len(results.study.observed)
-    console.print(
-        f"given observed: {n} observation{'s' if n > 1 else ''}; {found.effective:.1f} of "
-        f"{len(found.weights)} parameter sets carry the weight.",
+    out, n = console(), len(results.study.observed)
+    out.print(
+        f"given observed: {n} observation{'s' if n > 1 else ''}; {conditioning.effective:.1f} of "
+        f"{len(conditioning.weights)} parameter sets carry the weight.",
         markup=False,
     )
-    if found.remark:
-        console.print(f"warning: {found.remark}", markup=False)
+    if conditioning.remark:
+        out.print(f"warning: {conditioning.remark}", markup=False)
     bands = results.input_bands(variant)
     if not bands:
         return
-    table = Table(title="Inputs: P5 / P50 / P95", title_justify="left", pad_edge=False)
-    table.add_column("input", overflow="fold")
-    for heading in ("as drawn", "given observed"):
-        table.add_column(heading, justify="right")
+    inputs = table("Inputs: P5 / P50 / P95", "input")
+    add_numbers(inputs, "as drawn", "given observed")
     for band in bands:
-        cells = [" / ".join(_plain(v) for v in own) for own in (band.drawn, band.conditioned)]
-        table.add_row(band.input, *cells)
-    console.print(table)
-
-
-def conditioned_json(row: "SummaryRow") -> list[dict[str, Any]]:
-    """The conditioned statistics of a row as plain data."""
-    return [
-        {
-            "statistic": s.statistic,
-            "subject": s.subject,
-            "level": s.level,
-            **dataclasses.asdict(s.estimate),
-        }
-        for s in row.conditioned
-    ]
+        inputs.add_row(
+            band.input, *(" / ".join(map(shown, part)) for part in (band.drawn, band.conditioned))
+        )
+    out.print(inputs)
 
 
 def weights_json(results: "Results") -> Iterator[dict[str, Any]]:
@@ -302,7 +242,3 @@ def weights_json(results: "Results") -> Iterator[dict[str, Any]]:
                 "remark": found.remark,
                 "inputs": [dataclasses.asdict(b) for b in results.input_bands(variant)],
             }
-
-
-def _plain(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4g}"

@@ -6,15 +6,16 @@ python studies/expected.py results/linespeed results/traffic
 import sys
 from pathlib import Path
 
+from mcsettle.report.words import level, percentile
 from mcsettle.summary.results import Results, read_results
 from mcsettle.summary.summary import SummaryRow, summary_rows
 
 METRICS = {
-    "tamping_interval_days": ("days", "{:.0f}"),
-    "reduction_percent": ("reduction, %", "{:.1f}"),
-    "elasticity": ("elasticity", "{:.2f}"),
-    "marginal_cost": ("marginal cost, £", "{:.3f}"),
-    "sd_growth_1y_mm": ("SD growth in a year, mm", "{:.4f}"),
+    "tamping_interval_days": "days",
+    "reduction_percent": "reduction, %",
+    "elasticity": "elasticity",
+    "marginal_cost": "marginal cost, £",
+    "sd_growth_1y_mm": "SD growth in a year, mm",
 }
 
 
@@ -44,19 +45,9 @@ def counts(results: Results, variant: str) -> str:
 
 def line(row: SummaryRow) -> str:
     """One row of the table."""
-    name, form = METRICS[row.metric]
-
-    def shown(level: float) -> str:
-        value = row.at(level).value
-        return "not reached" if value is None else form.format(value)
-
-    error = row.at(0.5).standard_error
-    value = row.at(0.5).value
-    known = value is not None and error is not None and error > 1e-9 * abs(value)
-    middle = shown(0.5) + (f" ± {error:.2g}" if known else "")
+    low, middle, high = level(row, 0.05), row.at(0.5).with_error(), level(row, 0.95)
     published = f"{row.reference.value:g}" if row.reference else ""
-    percent = f"P{row.reference_percent:.0f}" if row.reference_percent is not None else ""
-    cells = (row.scenario, name, shown(0.05), middle, shown(0.95), published, percent)
+    cells = (row.scenario, METRICS[row.metric], low, middle, high, published, percentile(row))
     return "| " + " | ".join(cells) + " |"
 
 

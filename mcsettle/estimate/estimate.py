@@ -14,7 +14,7 @@ Journal of the American Statistical Association 73, 194–196.
 
 from dataclasses import dataclass
 
-import numpy as np
+from mcsettle.estimate.rounding import NOT_REACHED, decimals, is_error, with_error
 
 LEVELS = (0.05, 0.5, 0.95)
 CONFIDENCE = 0.95
@@ -44,14 +44,21 @@ class Estimate:
         remark = f"; {self.note}" if self.note else ""
         if self.value is None:
             return f"not identified ({counts}{remark})"
-        if not self.standard_error:
-            spread = " ± 0" if self.standard_error == 0.0 else ""
-            return f"{self.value:.6g}{spread} {self.unit} ({counts}{remark})"
-        places = max(0, 1 - int(np.floor(np.log10(self.standard_error))))
-        return (
-            f"{self.value:.{places}f} ± {self.standard_error:.{places}f} {self.unit} "
-            f"({counts}{remark})"
-        )
+        if is_error(self.value, self.standard_error):
+            return f"{self.with_error()} {self.unit} ({counts}{remark})"
+        exact = "" if self.standard_error is None else " ± 0"
+        return f"{self.value:.6g}{exact} {self.unit} ({counts}{remark})"
+
+    def places(self, factor: float = 1.0) -> int | None:
+        """Decimals that show two digits of the error times ``factor``; None without an error."""
+        if self.value is None or self.standard_error is None:
+            return None
+        known = is_error(self.value, self.standard_error)
+        return decimals(self.standard_error * abs(factor)) if known else None
+
+    def with_error(self, empty: str = NOT_REACHED, factor: float = 1.0) -> str:
+        """Value ± standard error, both times ``factor``; ``empty`` where there is no value."""
+        return with_error(self.value, self.standard_error, empty, factor)
 
     @property
     def relative_error(self) -> float | None:

@@ -3,20 +3,13 @@
 from collections.abc import Iterator
 
 from mcsettle.estimate.estimate import Estimate
+from mcsettle.estimate.rounding import NOT_REACHED, number
 from mcsettle.report.charging import Charge, MarginalTrain, charges, marginal_train
 from mcsettle.report.curves import spreads, survivals
 from mcsettle.report.figures.results import spreads_figure, survival_figure
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
-from mcsettle.report.words import (
-    DAYS,
-    NOT_REACHED,
-    band,
-    cut,
-    level,
-    number,
-    unit_words,
-)
+from mcsettle.report.words import DAYS, band, cut, level, unit_words
 
 MOST_TOLD = 6  # scenarios told in sentences
 

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from mcsettle.analysis.stress_under_train import stress_along
 from mcsettle.analysis.track_case import layer_tops
+from mcsettle.estimate.rounding import number
 from mcsettle.report.curves import MOVING, growths, rates
 from mcsettle.report.figures.maps import force_figure, stress_map_figure
 from mcsettle.report.figures.results import rates_figure, spreads_figure
@@ -24,7 +25,7 @@ from mcsettle.report.single_tracks import (
     profiles_at_limit,
 )
 from mcsettle.report.track_pictures import track_figures
-from mcsettle.report.words import DAYS, cut, number
+from mcsettle.report.words import DAYS, cut
 from mcsettle.units import KN, KPA, MM
 
 GROWTH = "sd_growth_1y_mm"

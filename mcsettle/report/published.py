@@ -7,20 +7,11 @@ import re
 from collections.abc import Iterator
 
 from mcsettle.analysis.table4 import DEFINITIONS, METRIC_OF
+from mcsettle.estimate.rounding import number
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
 from mcsettle.report.pictures import NOT_DRAWN, PAPER
-from mcsettle.report.words import (
-    as_given,
-    cut,
-    level,
-    metric_words,
-    number,
-    percentile,
-    places_of,
-    unit_words,
-    with_error,
-)
+from mcsettle.report.words import as_given, cut, level, metric_words, percentile, unit_words
 from mcsettle.study.schema.published import ReferenceTable
 
 WIDE_BAND = (5.0, 95.0)
@@ -82,7 +73,7 @@ def _ours(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, ...]
         if row is None:
             yield (variant, "", "no result", "", "")
             continue
-        middle = with_error(row.at(0.5), places_of(row))
+        middle = row.at(0.5).with_error()
         yield (variant, level(row, 0.05), middle, level(row, 0.95), percentile(row))
 
 

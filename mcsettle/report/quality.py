@@ -4,21 +4,13 @@ from collections.abc import Iterator, Sequence
 
 from mcsettle.analysis.tornado import Bar
 from mcsettle.estimate.estimate import Estimate, Statistic
+from mcsettle.estimate.rounding import number
 from mcsettle.report.curves import convergence
 from mcsettle.report.figures.results import Swing, convergence_figure
 from mcsettle.report.figures.track_in_time import swings_figure
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
-from mcsettle.report.words import (
-    DAYS,
-    band,
-    cut,
-    level,
-    metric_words,
-    number,
-    unit_words,
-    with_error,
-)
+from mcsettle.report.words import DAYS, band, cut, level, metric_words, unit_words
 
 MOST_BARS = 10
 SHOWN = ("quantile", "mean", "restricted_mean", "section_mean")
@@ -57,14 +49,8 @@ def _split_cells(scenario: str, metric: str, spread: Sequence[Statistic]) -> tup
     shares = {s.subject: s.estimate for s in spread if s.statistic == "variance_share"}
     if not shares:
         return ()
-    cells = (_percent(shares[part].value, shares[part].standard_error) for part in SHARES)
+    cells = (shares[part].with_error("", 100.0) for part in SHARES)
     return (scenario, metric_words(metric), *cells)
-
-
-def _percent(share: float | None, error: float | None) -> str:
-    if share is None:
-        return ""
-    return number(100.0 * share, 0) + (f" ± {number(100.0 * error, 0)}" if error else "")
 
 
 def _indices(material: Material) -> Iterator[Block]:
@@ -74,10 +60,7 @@ def _indices(material: Material) -> Iterator[Block]:
         if not found:
             continue
         found.sort(key=lambda s: -(s.estimate.value or 0.0))
-        cells = tuple(
-            (cut(s.subject, 80), _percent(s.estimate.value, s.estimate.standard_error))
-            for s in found
-        )
+        cells = tuple((cut(s.subject, 80), s.estimate.with_error("", 100.0)) for s in found)
         name = f"{row.scenario}, {metric_words(row.metric)}"
         swings = [
             Swing(s.subject.split(".")[-1].replace("_", " "), 0.0, 100.0 * (s.estimate.value or 0.0),
@@ -131,7 +114,7 @@ def _pairing(material: Material) -> Iterator[Block]:
             rows.append(
                 (
                     row.scenario,
-                    with_error(found["pairing_gain"])
+                    found["pairing_gain"].with_error()
                     if found["pairing_gain"].value is not None
                     else found["pairing_gain"].note,
                     number(None if other is None else other.value, 3, ""),

@@ -6,6 +6,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from mcsettle.estimate.rounding import NOT_REACHED, number
 from mcsettle.report.answer import prices
 from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
 from mcsettle.report.curves import fans, spreads, survivals
@@ -14,17 +15,13 @@ from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Picture, Table, Text
 from mcsettle.report.words import (
     METRICS,
-    NOT_REACHED,
     as_given,
     band,
     cut,
     level,
     metric_words,
-    number,
     percentile,
-    places_of,
     unit_words,
-    with_error,
 )
 
 PER_TONNE = "per 1000 tonne-km"
@@ -59,7 +56,7 @@ def quantile_table(material: Material, variant: str) -> Table:
             (
                 name + (f", {unit_words(row.unit)}" if unit_words(row.unit) else ""),
                 level(row, 0.05),
-                with_error(middle, places_of(row)),
+                middle.with_error(),
                 level(row, 0.95),
                 str(middle.n),
                 str(middle.n_censored),

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 
+from mcsettle.estimate.rounding import number
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Table, Text
-from mcsettle.report.words import cut, number
+from mcsettle.report.words import cut
 from mcsettle.units import DAYS_PER_YEAR, MGT, TONNE
 
 

@@ -1,13 +1,11 @@
-"""Numbers and names in words: rounded to what is known, signs and empty values readable."""
+"""Results and names in words: quantiles, bands, metrics and units as they are read."""
 
-import math
 import re
 import unicodedata
 
-from mcsettle.estimate.estimate import Estimate
+from mcsettle.estimate.rounding import NOT_REACHED, number
 from mcsettle.summary.summary import SummaryRow
 
-NOT_REACHED = "not reached"
 DAYS = "tamping_interval_days"
 METRICS = {
     DAYS: "tamping interval",
@@ -34,54 +32,16 @@ def cut(text: str, length: int = 160) -> str:
     return words if len(words) <= length else words[: length - 2].rstrip() + " …"
 
 
-def number(value: float | None, places: int | None = None, empty: str = NOT_REACHED) -> str:
-    """A number with ``places`` decimals (None: three significant digits).
-
-    >>> number(-0.12345), number(1234.5), number(0.5, 1), number(None)
-    ('−0.123', '1230', '0.5', 'not reached')
-    """
-    if value is None or math.isnan(value):
-        return empty
-    if places is None:
-        places = 0 if value == 0.0 else max(2 - math.floor(math.log10(abs(value))), -12)
-    rounded = round(value, places)
-    if rounded == 0.0:
-        rounded = 0.0
-    return f"{rounded:.{max(places, 0)}f}".replace("-", "−")
-
-
-def places_of(row: SummaryRow) -> int | None:
-    """Decimals for the quantiles of ``row``: two digits of the Monte Carlo error of the median."""
-    middle = row.at(0.5)
-    error = middle.standard_error
-    if middle.value is None or not error or error <= 1e-9 * abs(middle.value):
-        return None
-    return min(max(1 - math.floor(math.log10(error)), 0), 6)
-
-
 def level(row: SummaryRow, at: float, factor: float = 1.0) -> str:
-    """One quantile of ``row``, times ``factor``."""
+    """One quantile of ``row``, times ``factor``, with the decimals of the median and its error."""
     value = row.at(at).value
-    places = places_of(row)
-    if places is not None and factor != 1.0:
-        places = min(max(places - round(math.log10(abs(factor))), 0), 8)
-    return number(None if value is None else value * factor, places)
+    return number(None if value is None else value * factor, row.at(0.5).places(factor))
 
 
 def mostly_known(row: SummaryRow) -> bool:
     """Whether ``row`` is of most tracks: a median over a minority says nothing of the line."""
     found = row.at(0.5)
     return 2 * found.n_censored <= found.n
-
-
-def with_error(estimate: Estimate, places: int | None = None) -> str:
-    """Value ± standard error, to two digits of the error."""
-    error, value = estimate.standard_error, estimate.value
-    if value is None or not error or error <= 1e-9 * abs(value):
-        return number(value, places)
-    if places is None:
-        places = min(max(1 - math.floor(math.log10(error)), 0), 8)
-    return f"{number(value, places)} ± {number(error, places)}"
 
 
 def band(row: SummaryRow, factor: float = 1.0) -> str:

@@ -75,7 +75,7 @@ def test_compare_command(tmp_path: Path) -> None:
                                                                    SPEED.items()}))]  # fmt: skip
     done = CliRunner().invoke(app, ["compare", *folders])
     assert done.exit_code == 0, done.output
-    for part in ("same inputs", "tamping_interval_days", "10 %", "41 common realisations"):
+    for part in ("same inputs", "tamping_interval_days", "10.0 %", "41 common realisations"):
         assert part in done.stdout
     data = json.loads(CliRunner().invoke(app, ["compare", *folders, "--json"]).stdout)
     assert data["rows"][0]["change"][1]["value"] == pytest.approx(10.0)
