@@ -50,7 +50,7 @@ def write_lives(found: Sequence["Life"], folder: Path) -> None:
     """Tables ``lives`` (a row for each track) and ``tampings`` (one for each tamping)."""
     import pandas as pd
 
-    from mcsettle.storage.files import write_whole
+    from mcsettle.storage.files import write_file
 
     lives, tampings = [], []
     for life in found:
@@ -79,12 +79,8 @@ def write_lives(found: Sequence["Life"], folder: Path) -> None:
                 }
             )
     for name, rows in (("lives", lives), ("tampings", tampings)):
-        frame = pd.DataFrame(rows)
-
-        def fill(path: Path, frame: pd.DataFrame = frame) -> None:
-            frame.to_parquet(path, index=False)
-
-        write_whole(folder, f"{name}.parquet", fill)
+        content: bytes = pd.DataFrame(rows).to_parquet(index=False)
+        write_file(folder / f"{name}.parquet", content)
     talk(f"Wrote lives.parquet and tampings.parquet to {folder}")
 
 

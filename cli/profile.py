@@ -176,8 +176,8 @@ def write_report(report: "ProfileReport", folder: Path, title: str) -> None:
     """Picture and JSON of a report into ``folder``."""
     from mcsettle.report.figures.profile import profile_figure
     from mcsettle.report.figures.style import save
-    from mcsettle.storage.files import write_text
+    from mcsettle.storage.files import write_file
 
     written = save(profile_figure(report, title), folder, "profile")
-    written.append(write_text(folder, "profile.json", report_json(report) + "\n"))
+    written.append(write_file(folder / "profile.json", f"{report_json(report)}\n".encode()))
     talk("Wrote " + ", ".join(str(path) for path in written))

@@ -40,6 +40,7 @@ def report(
     from mcsettle.report.build import read_report
     from mcsettle.report.render import html
     from mcsettle.report.render import markdown as as_markdown
+    from mcsettle.storage.files import write_file
 
     target = checked_file(out or beside(folder, ".html"), ".html")
     if pdf:
@@ -48,9 +49,9 @@ def report(
         find_browser()  # before anything takes its time
     page = read_report(folder, variant, miles, not no_step_a, tornado, Progress(), cores())
     text = html(page)
-    written = [written_file(target, text.encode("utf-8"))]
+    written = [write_file(target, text.encode("utf-8"))]
     if markdown is not None:
-        written.append(written_file(markdown, as_markdown(page).encode("utf-8")))
+        written.append(write_file(markdown, as_markdown(page).encode("utf-8")))
     if figures is not None:
         from mcsettle.report.figures.style import METADATA, save
 
@@ -59,7 +60,7 @@ def report(
     if pdf:
         from mcsettle.report.pdf import print_pdf
 
-        written.append(written_file(target.with_suffix(".pdf"), print_pdf(text)))
+        written.append(write_file(target.with_suffix(".pdf"), print_pdf(text)))
     for path in written[:4]:
         talk(f"Wrote {path}")
     if len(written) > 4:
@@ -133,18 +134,4 @@ def checked_file(path: Path, ending: str, option: str = "--out") -> Path:
         raise InputError(f"{option} {path}: choose a name that ends in {ending}")
     if path.is_dir():
         raise InputError(f"{option} {path} is a folder; name a file")
-    return path
-
-
-def written_file(path: Path, content: bytes) -> Path:
-    """Write a file whole or not at all; its folder is made."""
-    from mcsettle.storage.files import write_whole
-
-    def fill(aside: Path) -> None:
-        aside.write_bytes(content)
-
-    done = write_whole(path.absolute().parent, path.name, fill)
-    aside = done.parent / ".tmp"
-    if aside.is_dir() and not any(aside.iterdir()):
-        aside.rmdir()
     return path

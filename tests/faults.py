@@ -102,7 +102,7 @@ def main() -> None:
         if status is None or (os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL):
             told["killed"] += 1
             told["by_time" if status is None else where] += 1
-            told["left_unfinished"] += any((out / files.ASIDE).glob(f"*.{pid}"))
+            told["left_unfinished"] += any((out / files.ASIDE).glob(f"*.{pid}.part"))
         elif status:
             sys.exit(f"a run ended with status {status}")
         else:  # finished: begin again with some shards gone

@@ -9,8 +9,9 @@ import numpy as np
 from mcsettle.economics import paired_effects
 from mcsettle.run import columns as rows
 from mcsettle.storage import store
-from mcsettle.storage.files import write_text
+from mcsettle.storage.files import write_file
 from mcsettle.storage.provenance import Provenance
+from mcsettle.storage.shard_name import shard_name
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import Study, resolved_toml
 
@@ -48,7 +49,7 @@ def write(folder: Path, made: Study, days: dict[str, Any], failed: tuple[int, ..
     """A run of ``made`` in ``folder``: ``days`` by scenario, NaN where the horizon came first."""
     provenance = Provenance("0", made.digest, "0" * 64, made.seed, "1.7.4", "f64", 8)
     store.prepare(folder, provenance)
-    write_text(folder, "study.toml", resolved_toml(made))
+    write_file(folder / "study.toml", resolved_toml(made).encode())
     values = {name: np.asarray(d, dtype=float) for name, d in days.items()}
     bad = np.isin(np.arange(len(next(iter(values.values())))), failed)
     values = {name: np.where(bad, np.nan, d) for name, d in values.items()}
@@ -85,7 +86,7 @@ def _shard(folder, made, provenance, variant, scenario, days, ends, bad) -> None
         "sd_growth_1y_mm": rows.nullable(growth),
         "failure": [rows.FAILURE if b else None for b in bad],
     }
-    name = store.shard_name(variant, scenario, 0, n - 1)
+    name = shard_name(variant, scenario, 0, n - 1)
     store.write(folder, "realisations", name, table, provenance, 0, n - 1)
     last = np.where(reached, days, made.limit.horizon_days)
     sampled = [d for d in (0.0, *made.run.history_days) if d <= made.limit.horizon_days]
@@ -116,5 +117,5 @@ def _effects(folder, made, provenance, variant, values, ends) -> None:
         )  # fmt: skip
         member, n = all_sets(made)[0], len(days)
         columns = rows.effect_columns(member, variant, scenario, range(n), effects)
-        name = store.shard_name(variant, scenario, 0, n - 1)
+        name = shard_name(variant, scenario, 0, n - 1)
         store.write(folder, "effects", name, columns, provenance, 0, n - 1)

@@ -21,7 +21,7 @@ from mcsettle.report.material import Material, rows_digest
 from mcsettle.report.register import entries
 from mcsettle.report.words import plain
 from mcsettle.run.columns import summary_columns
-from mcsettle.storage.files import write_text, write_whole
+from mcsettle.storage.files import write_file
 from mcsettle.storage.tables import TABLES
 from mcsettle.units import MGT
 
@@ -70,7 +70,7 @@ def write_csv(material: Material, folder: Path) -> list[Path]:
         writer.writerow(sheet.columns)
         for row in sheet.rows:
             writer.writerow([_csv_cell(value) for value in row])
-        written.append(write_text(folder, f"{sheet.name}.csv", stream.getvalue()))
+        written.append(write_file(folder / f"{sheet.name}.csv", stream.getvalue().encode()))
     return written
 
 
@@ -104,12 +104,8 @@ def write_xlsx(material: Material, path: Path) -> list[str]:
                     "export to CSV for all"
                 )
             _fill(book.add_worksheet(sheet.name), sheet.columns, rows, bold)
-    write_whole(path.absolute().parent, path.name, lambda aside: _put(aside, buffer.getvalue()))
+    write_file(path, buffer.getvalue())
     return remarks
-
-
-def _put(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
 
 
 def _fill(page: Any, columns: tuple[str, ...], rows: Iterable[tuple[Any, ...]], bold: Any) -> None:

@@ -40,7 +40,7 @@ from mcsettle.step_a.fem25d.centreline_field import CentrelineField
 from mcsettle.step_a.fem25d.track_section import track_grid
 from mcsettle.step_a.interaction import precompute
 from mcsettle.step_b.settlement import SettlementModel
-from mcsettle.storage.files import write_text
+from mcsettle.storage.files import write_file
 from mcsettle.types import Progress
 from mcsettle.units import KMH, KPA
 
@@ -259,7 +259,7 @@ def _freight(case: TrackCase) -> Figure:
 def _tables(case: TrackCase, rows: list[Row], table: list[Increase], folder: Path) -> list[Path]:
     """The report, stress by depth and Table 4 as CSV."""
     text = _csv(("quantity", "value", "unit"), rows)
-    written = [write_text(folder, "track.csv", text)]
+    written = [write_file(folder / "track.csv", text.encode())]
     names = [name for name, _ in layer_tops(case.track)]
     by_depth = [
         (c.label, names[layer], float(z), float(q) / KPA, float(d) / KPA)
@@ -269,7 +269,7 @@ def _tables(case: TrackCase, rows: list[Row], table: list[Increase], folder: Pat
     header = (
         "train", "layer", "z_m", "quasi_static_overhead_kpa", "dynamic_rms_kpa",
     )  # fmt: skip
-    written.append(write_text(folder, "stress_depth.csv", _csv(header, by_depth)))
+    written.append(write_file(folder / "stress_depth.csv", _csv(header, by_depth).encode()))
     if table:
         header4 = (
             "scenario", "speed_kmh", "definition", "stress_kpa", "increase_percent",
@@ -280,7 +280,7 @@ def _tables(case: TrackCase, rows: list[Row], table: list[Increase], folder: Pat
              "" if r.published is None else r.published, r.source, DEFINITIONS[r.definition])
             for r in table
         ]  # fmt: skip
-        written.append(write_text(folder, "table4.csv", _csv(header4, entries)))
+        written.append(write_file(folder / "table4.csv", _csv(header4, entries).encode()))
     return written
 
 

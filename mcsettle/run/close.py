@@ -17,9 +17,11 @@ from mcsettle.run.factor_fit import Fit, read_fits, with_fits
 from mcsettle.run.shards import Shard, all_shards, index_ranges
 from mcsettle.run.status import Fault, Survey, held_shards, refuse_smaller, strays, survey
 from mcsettle.storage import lock, shard_record, store
+from mcsettle.storage.foreign import is_ours, refuse_others_files
 from mcsettle.storage.location import Place, Where, place
 from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import Provenance, read_provenance
+from mcsettle.storage.shard_name import ShardName
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study
 from mcsettle.summary.courses import courses
@@ -40,6 +42,7 @@ def gather(folder: Where, take_over: bool = False) -> Survey:
     """
     at = place(folder)
     read_provenance(at)  # before anything is written there
+    refuse_others_files(at)
     with lock.held(at, "gather", take_over):
         found = survey(at)
         bad = [fault for fault in found.faults if fault.state != "failed"]
@@ -88,7 +91,7 @@ def _incomplete(found: Survey, bad: list[Fault]) -> str:
 def _superseded(at: Place, shards: list[Shard]) -> set[str]:
     """Shards of an earlier, smaller run that those of this one contain."""
     names = {name.partition("/")[2] for name in strays(at, shards)} | held_shards(at)
-    return names - {shard.name for shard in shards}
+    return {name for name in names if ShardName.read(name)} - {shard.name for shard in shards}
 
 
 def _write_parameters(
@@ -101,7 +104,7 @@ def _write_parameters(
     last = study.run.realisations - 1
     store.write(at, "parameters", name, rows.parameter_columns(members), provenance, 0, last)
     for other in at.names("parameters"):
-        if other != f"parameters/{name}":
+        if other != f"parameters/{name}" and is_ours(other):
             at.remove(other)
 
 

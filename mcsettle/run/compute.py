@@ -29,15 +29,17 @@ from mcsettle.step_b.pointwise import LARGEST_EXPONENT
 from mcsettle.step_b.sd_map import roughness
 from mcsettle.step_b.stepwise import Stepwise
 from mcsettle.storage import shard_record, store
+from mcsettle.storage.files import inside, refuse_link
+from mcsettle.storage.foreign import LOGS
 from mcsettle.storage.location import Folder, Place
 from mcsettle.storage.provenance import Provenance
+from mcsettle.storage.shard_name import ShardName
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.study import Study, study_wavenumbers
 from mcsettle.types import Progress
 
 BATCH = 2048  # realisations at a time, unless a run says otherwise
 CHECKED = range(2)  # realisations on which the second-order form is checked, in every run
-LOGS = ".log"
 Machine = CycleJump | Stepwise
 
 
@@ -69,8 +71,9 @@ class Job:
         if not isinstance(self.at, Folder):
             return
         line = {"event": event, "shard": shard.name, **more}
-        path = self.at.path / LOGS / f"{socket.gethostname()}-{os.getpid()}.jsonl"
-        with contextlib.suppress(OSError):  # the log is a courtesy
+        with contextlib.suppress(OSError, InputError):  # the log is a courtesy
+            path = inside(self.at.path, f"{LOGS}/{socket.gethostname()}-{os.getpid()}.jsonl")
+            refuse_link(path)
             path.parent.mkdir(exist_ok=True)
             with path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
@@ -226,12 +229,12 @@ def _outcome(
 
 def _begun(job: Job, shard: Shard) -> tuple[int, list[dict[str, Any]], list[dict[str, Any]]]:
     """Where a shard has to go on, and the columns that a smaller run has left of it."""
-    stem = shard.name.rsplit("-", 1)[0]
-    smaller = [name for name in job.held if name.startswith(stem + "-")]
-    for name in sorted(smaller, reverse=True):
-        stop = int(name.removesuffix(".parquet").rsplit("-", 1)[1]) + 1
-        n = stop - shard.first
-        if stop < shard.indices.stop and shard_record.is_whole(job.at, name, job.provenance, n):
+    stem = shard.name.rpartition("-")[0]  # all but its last realisation
+    others = (ShardName.read(name) for name in job.held if name.startswith(f"{stem}-"))
+    smaller = [other for other in others if other is not None and other.last < shard.last]
+    for other in sorted(smaller, key=lambda other: other.last, reverse=True):
+        name, stop = str(other), other.last + 1
+        if shard_record.is_whole(job.at, name, job.provenance, stop - shard.first):
             history = store.shard_columns(job.at, "history", name)
             return stop, [history], [store.shard_columns(job.at, "realisations", name)]
     return shard.first, [], []

@@ -18,7 +18,9 @@ from mcsettle.run.shards import Shard, Slice, all_shards, slice_of
 from mcsettle.run.status import held_shards, refuse_smaller
 from mcsettle.run.transfers import Shelf, StepA, step_a
 from mcsettle.storage import lock, store
+from mcsettle.storage.foreign import refuse_others_files, refuse_others_folder
 from mcsettle.storage.location import Place, Where, place
+from mcsettle.storage.manifest import INPUTS, STUDY_FILE
 from mcsettle.storage.provenance import (
     LARGEST_TEXT,
     SHARD,
@@ -28,10 +30,9 @@ from mcsettle.storage.provenance import (
     same_study,
 )
 from mcsettle.storage.shard_record import read_record
-from mcsettle.storage.tables import TABLES
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, resolved_toml
-from mcsettle.summary.results import STUDY_FILE, study_of
+from mcsettle.summary.results import study_of
 from mcsettle.types import Progress
 
 __all__ = ["Finished", "build_case", "initial_profiles", "run_study", "sample_days"]
@@ -173,43 +174,61 @@ def prepare(
 
 
 def refuse_foreign(at: Place, study: Study) -> None:
-    """Refuse a folder of another study or seed, before anything is computed or written.
+    """Refuse a folder of something else, another study or seed, before anything is computed.
 
     Raises
     ------
     InputError
-        The message names the differences.
+        The message names the differences, or a file that is not ours.
     """
-    held = provenance_of(at)
-    if held is not None:
+    refuse_others_folder(at)
+    stored = provenance_of(at)
+    if stored is not None:
         refuse_difference(
-            {"study_digest": held.study_digest, "seed": held.seed},
+            {"study_digest": stored.study_digest, "seed": stored.seed},
             {"study_digest": study.digest, "seed": study.seed},
             f"'{at}'",
             "give another folder",
         )
+        refuse_others_files(at)
 
 
 def _write_study(at: Place, study: Study, part: Slice | None) -> None:
-    """The study beside its results; slices that run side by side have to agree on it."""
-    text = resolved_toml(study)
+    """The study beside its results; slices that run side by side have to agree on it.
+
+    The files that it names are copied into a folder of their own, so that the folder stands alone.
+    """
+    inputs = _stored_inputs(study)
+    text = resolved_toml(study, {name: stored for name, (stored, _) in inputs.items()})
     try:
-        held = at.text(STUDY_FILE, LARGEST_TEXT)
+        before = at.text(STUDY_FILE, LARGEST_TEXT)
     except FileNotFoundError:
-        held = ""
-    if part is not None and held:
+        before = ""
+    if part is not None and before:
         n, asked = study_of(at).run.realisations, study.run.realisations
         if n > asked:
             raise InputError(
                 f"'{at}' is a run of {n} realisations and this slice one of {asked}; "
                 "give every slice the same numbers"
             )
-    if text != held:
+    for stored, path in inputs.values():
+        if path.is_file():
+            at.write(stored, path.read_bytes())
+    if text != before:
         at.write(STUDY_FILE, text.encode())
-    for name, path in study.input_files().items():  # so that the folder stands alone
-        inside = not Path(name).is_absolute() and ".." not in Path(name).parts
-        if inside and Path(name).parts[0] not in TABLES and path.is_file():
-            at.write(name, path.read_bytes())
+
+
+def _stored_inputs(study: Study) -> dict[str, tuple[str, Path]]:
+    """Names that the study's files have in a results folder, and their paths, by key path.
+
+    Each has a folder of its own, so that none meets a file of the run or another input. A file outside
+    the study's folder stays there.
+    """
+    return {
+        key: (f"{INPUTS}/{key}/{Path(name).name}", path)
+        for key, (name, path) in study.input_files().items()
+        if not Path(name).is_absolute() and ".." not in Path(name).parts
+    }
 
 
 def _provenance(study: Study, prepared: StepA, size: int) -> Provenance:

@@ -6,11 +6,12 @@ preparation; a slice is a block of neighbours.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from mcsettle.errors import InputError
-from mcsettle.storage import store
+from mcsettle.storage.shard_name import ShardName, slug
 from mcsettle.study.study import Study
 
 MOST_SHARDS = 5_000_000
@@ -39,10 +40,15 @@ class Shard:
         return range(self.first, self.last + 1)
 
     @property
+    def parts(self) -> ShardName:
+        """What its file name consists of."""
+        of_set = self.member if self.nested else None
+        return ShardName(slug(self.variant), slug(self.scenario), self.first, self.last, of_set)
+
+    @property
     def name(self) -> str:
         """Its file name in every table."""
-        own = self.member if self.nested else None
-        return store.shard_name(self.variant, self.scenario, self.first, self.last, own)
+        return str(self.parts)
 
     @property
     def group(self) -> tuple[int, str, str]:
@@ -111,6 +117,8 @@ def all_shards(study: Study, size: int) -> list[Shard]:
             f"the run has {n_shards(study, size)} shards of {size} realisations; at most "
             f"{MOST_SHARDS} are kept in one folder: give a larger --shard-size or split the study"
         )
+    for kind, names in (("variants", study.variant_names), ("scenarios", study.scenario_names)):
+        _refuse_alike(kind, names)
     return [
         Shard(member, variant, scenario, part.start, part.stop - 1, study.nested)
         for member in range(study.n_sets)
@@ -118,6 +126,24 @@ def all_shards(study: Study, size: int) -> list[Shard]:
         for scenario in study.scenario_names
         for part in index_ranges(study.run.realisations, size)
     ]
+
+
+def _refuse_alike(kind: str, names: Sequence[str]) -> None:
+    """Refuse names whose files would be one where a disk does not tell capitals from small letters.
+
+    Raises
+    ------
+    InputError
+        The message names both.
+    """
+    taken: dict[str, str] = {}
+    for name in names:
+        other = taken.setdefault(slug(name).casefold(), name)
+        if other != name:
+            raise InputError(
+                f"the {kind} '{other}' and '{name}' would share their files on a disk that does not "
+                "tell capitals from small letters; rename one"
+            )
 
 
 def slice_of(shards: list[Shard], part: Slice | None) -> list[Shard]:

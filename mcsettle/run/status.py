@@ -1,6 +1,5 @@
 """What a run consists of and how much of it is there: every shard looked at, nothing computed."""
 
-import re
 from dataclasses import dataclass
 
 import mcsettle
@@ -8,9 +7,11 @@ from mcsettle.errors import InputError
 from mcsettle.run.shards import Shard, all_shards
 from mcsettle.storage import lock, manifest, shard_record
 from mcsettle.storage.location import Place, Where, place
+from mcsettle.storage.manifest import STUDY_FILE
 from mcsettle.storage.provenance import Provenance, read_provenance
+from mcsettle.storage.shard_name import ShardName
 from mcsettle.study.study import Study
-from mcsettle.summary.results import STUDY_FILE, study_of
+from mcsettle.summary.results import study_of
 
 
 @dataclass(frozen=True)
@@ -109,9 +110,9 @@ def refuse_smaller(at: Place, held: set[str], study: Study) -> None:
     InputError
         The message names both numbers.
     """
-    stems = [name.removesuffix(".parquet") for name in held]
-    ends = [int(stem.rsplit("-", 1)[-1]) + 1 for stem in stems if stem[-8:].isdigit()]
-    sets = [int(found[1]) + 1 for stem in stems if (found := re.search(r"--set(\d+)--", stem))]
+    names = [name for name in map(ShardName.read, held) if name is not None]
+    ends = [name.last + 1 for name in names]
+    sets = [1 if name.parameter_set is None else name.parameter_set + 1 for name in names]
     for kind, n, asked in (
         ("realisations", max(ends, default=0), study.run.realisations),
         ("parameter sets", max(sets, default=0), study.n_sets),

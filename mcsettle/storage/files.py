@@ -11,11 +11,14 @@ import re
 import socket
 import stat
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO
 
 from mcsettle.errors import InputError
 
 ASIDE = ".tmp"  # unfinished files of a results folder
+UNFINISHED = ".part"  # how their names end
+LONGEST_NAME = 150  # bytes of a name that is written out in that of its unfinished file
 URL = re.compile(r"(s3|gs|gcs|abfs|abfss):/{1,2}(?=[^/])")
 
 
@@ -56,58 +59,112 @@ def cache_folder() -> Path:
     return folder
 
 
-def write_text(folder: Path, name: str, text: str) -> Path:
-    """Write a text file ``folder/name``, UTF-8, whole or not at all.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written.
-    """
-    return write_bytes(folder, name, text.encode("utf-8"))
-
-
 def write_bytes(folder: Path, name: str, data: bytes) -> Path:
-    """Write ``data`` to ``folder/name``, whole or not at all.
+    """Write ``data`` to ``folder/name``, a results folder's or a cache's, whole or not at all.
 
     Raises
     ------
     InputError
-        If the folder cannot be written.
+        If the folder cannot be written, or a link leads out of it.
     """
-
-    def fill(path: Path) -> None:
-        with path.open("wb") as file:
-            file.write(data)
-
-    return write_whole(folder, name, fill)
-
-
-def write_whole(folder: Path, name: str, fill: Callable[[Path], None]) -> Path:
-    """Let ``fill`` write a file aside, synchronise it and move it to ``folder/name``.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written.
-    """
-    target = folder / name
-    # Host and process keep two writers of one file apart; neither outlives the move.
-    own = f"{socket.gethostname()[:40]}.{os.getpid()}"
-    aside = folder / ASIDE / f"{name.replace('/', '--')}.{own}"
+    target, aside = inside(folder, name), inside(folder, f"{ASIDE}/{unfinished(name)}")
     with writable(folder):
         _make(aside.parent)
         _make(target.parent)
-        try:
-            fill(aside)
-            _synchronise(aside)
-            os.replace(aside, target)
-        finally:
-            with contextlib.suppress(OSError):  # a disk that has just gone tells so above
-                aside.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # a folder cannot be synchronised everywhere
-            _synchronise(target.parent)
+        _replace(target, aside, lambda file: file.write(data))
     return target
+
+
+def write_file(path: Path, data: bytes) -> Path:
+    """Write ``data`` to a file of the user's, whole or not at all; its folder is made.
+
+    Where ``path`` is a link, the file that it leads to is written. Nothing else is left in the folder.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    target = path.resolve()
+    with writable(target.parent):
+        _make(target.parent)
+        _replace(target, _hidden(target), lambda file: file.write(data))
+    return path
+
+
+def write_cached(path: Path, fill: Callable[[BinaryIO], object]) -> None:
+    """Let ``fill`` write a file of a cache, whole or not at all, for all whom the umask lets read it.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    _replace(path, _hidden(path), fill)
+
+
+def unfinished(name: str) -> str:
+    """Name of a file while it is written.
+
+    Host and process keep two writers of one file apart; neither outlives the move.
+    """
+    stem = name.replace("/", "--")
+    if len(os.fsencode(stem)) > LONGEST_NAME:
+        stem = hashlib.sha256(os.fsencode(stem)).hexdigest()
+    return f"{stem}.{socket.gethostname()[:40]}.{os.getpid()}{UNFINISHED}"
+
+
+def _hidden(path: Path) -> Path:
+    """Where a file is written that has no folder of unfinished ones."""
+    return path.with_name(f".{unfinished(path.name)}")
+
+
+def inside(folder: Path, name: str) -> Path:
+    """Path of ``folder/name``, where no link stands between the two; the file itself may be one.
+
+    Raises
+    ------
+    InputError
+        A link, or the name, leads out of the folder.
+    """
+    parts = PurePosixPath(name).parts
+    if not parts or ".." in parts or PurePosixPath(name).is_absolute():
+        raise InputError(f"'{folder}' has no file called {name!r}")
+    path = folder
+    for part in parts[:-1]:
+        path = path / part
+        refuse_link(path)
+    return path / parts[-1]
+
+
+def refuse_link(path: Path) -> None:
+    """Refuse a link: what a folder from elsewhere links to is not its own.
+
+    Raises
+    ------
+    InputError
+        There is one.
+    """
+    if path.is_symlink():
+        raise InputError(
+            f"'{path}' is a link; none is followed inside a results folder or a cache: remove it, or "
+            "put the files themselves there"
+        )
+
+
+def _replace(target: Path, aside: Path, fill: Callable[[BinaryIO], object]) -> None:
+    """Let ``fill`` write a file aside, synchronise it and move it into place."""
+    try:
+        aside.unlink(missing_ok=True)  # of an earlier process of this number
+        with aside.open("xb") as file:
+            fill(file)
+        _synchronise(aside)
+        os.replace(aside, target)
+    finally:
+        with contextlib.suppress(OSError):  # a disk that has just gone tells so above
+            aside.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):  # a folder cannot be synchronised everywhere
+        _synchronise(target.parent)
 
 
 @contextlib.contextmanager
@@ -133,11 +190,11 @@ def read_regular(path: Path, largest: int) -> bytes:
     InputError
         It is no regular file, or is too large.
     """
-    held = path.stat()
-    if not stat.S_ISREG(held.st_mode):
-        raise InputError(f"'{path}' is no regular file; remove it")
-    if held.st_size > largest:
-        raise InputError(f"'{path}' has {held.st_size} bytes; at most {largest} are read")
+    state = path.stat()
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError(f"'{path}' is not a regular file; remove it")
+    if state.st_size > largest:
+        raise InputError(f"'{path}' has {state.st_size} bytes; at most {largest} are read")
     with path.open("rb") as file:
         return file.read(largest + 1)
 

@@ -13,7 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from mcsettle.errors import InputError
-from mcsettle.storage.files import ASIDE, URL, is_url, read_regular, writable, write_bytes
+from mcsettle.storage.files import (
+    ASIDE,
+    UNFINISHED,
+    URL,
+    inside,
+    is_url,
+    read_regular,
+    refuse_link,
+    writable,
+    write_bytes,
+)
 
 LARGEST = 2 * 1024**3  # bytes of one file that is read
 MOST_FILES = 4_000_000
@@ -60,10 +70,18 @@ class Place(ABC):
         """Names of all files below a folder of the place, unfinished ones left out, sorted."""
 
     @abstractmethod
+    def entries(self) -> list[str]:
+        """Names of what lies in the folder itself, hidden or not, sorted."""
+
+    @abstractmethod
     def exists(self) -> bool:
         """Whether there is anything at all."""
 
-    def sweep(self) -> None:  # noqa: B027 - only folders have unfinished files
+    def unfinished(self) -> list[str]:
+        """Names of what lies where unfinished files do; only folders have such a place."""
+        return []
+
+    def sweep(self) -> None:  # noqa: B027
         """Remove what killed writers have left unfinished; for an exclusive owner only."""
 
     def tidy(self) -> None:  # noqa: B027
@@ -81,20 +99,22 @@ class Place(ABC):
 
 
 class Folder(Place):
-    """A folder of this machine or of a shared drive."""
+    """A folder of this machine or of a shared drive; no link in it is followed."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.where = path, str(path)
 
     def read(self, name: str, largest: int = LARGEST) -> bytes:
         """Bytes of a file."""
+        path = inside(self.path, name)
+        refuse_link(path)
         try:
-            return read_regular(self.path / name, largest)
+            return read_regular(path, largest)
         except (FileNotFoundError, NotADirectoryError) as error:
-            raise FileNotFoundError(error.errno, error.strerror, str(self.path / name)) from None
+            raise FileNotFoundError(error.errno, error.strerror, str(path)) from None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
-            raise InputError(f"'{self.path / name}' cannot be read: {reason}") from error
+            raise InputError(f"'{path}' cannot be read: {reason}") from error
 
     def write(self, name: str, data: bytes) -> None:
         """Write a file whole or not at all."""
@@ -102,36 +122,55 @@ class Folder(Place):
 
     def remove(self, name: str) -> None:
         """Remove a file."""
+        path = inside(self.path, name)
         with writable(self.path):
-            (self.path / name).unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
 
     def names(self, below: str = "") -> list[str]:
         """Names of all files below, sorted."""
-        found = []
+        names = []
         for name in self._walk(below):
-            found.append(name)
-            if len(found) > MOST_FILES:
+            names.append(name)
+            if len(names) > MOST_FILES:
                 raise InputError(f"'{self}' holds more than {MOST_FILES} files; not a run")
-        return sorted(found)
+        return sorted(names)
 
     def _walk(self, below: str) -> Iterator[str]:
-        for folder, inner, files in os.walk(self.path / below):
-            own = Path(folder).relative_to(self.path)
-            if len(own.parts) >= DEEPEST:
+        top = self.path
+        if below:
+            top = inside(self.path, below)
+            refuse_link(top)
+        for folder, inner, files in os.walk(top):
+            path = Path(folder)
+            relative = path.relative_to(self.path)
+            if len(relative.parts) >= DEEPEST:
                 raise InputError(f"'{folder}' lies too deep for a results folder; remove it")
             if ASIDE in inner:
                 inner.remove(ASIDE)
-            yield from ((own / file).as_posix() for file in files)
+            for name in inner:
+                refuse_link(path / name)
+            yield from ((relative / file).as_posix() for file in files)
+
+    def entries(self) -> list[str]:
+        """Names of what lies in the folder itself, hidden or not."""
+        with writable(self.path):
+            return sorted(os.listdir(self.path)) if self.path.is_dir() else []
 
     def exists(self) -> bool:
         """Whether the folder is there."""
         return self.path.is_dir()
 
+    def unfinished(self) -> list[str]:
+        """Names of what lies in the folder of unfinished files."""
+        refuse_link(self.path / ASIDE)
+        return sorted(p.name for p in (self.path / ASIDE).glob("*"))
+
     def sweep(self) -> None:
         """Remove unfinished files, and their folder."""
         aside = self.path / ASIDE
+        refuse_link(aside)
         with contextlib.suppress(OSError):  # none there, or another writer has just begun
-            for path in list(aside.iterdir()):
+            for path in aside.glob(f"*{UNFINISHED}"):
                 path.unlink(missing_ok=True)
         self.tidy()
 
@@ -209,6 +248,16 @@ class Bucket(Place):
             )
         files = (info.path[len(self.prefix) :].strip("/") for info in found if info.is_file)
         return sorted(files)
+
+    def entries(self) -> list[str]:
+        """Names of what lies directly below the prefix."""
+        from pyarrow import fs
+
+        with self._reached("cannot be listed"):
+            infos: list[Any] = self.store.get_file_info(
+                fs.FileSelector(self.prefix, recursive=False, allow_not_found=True)
+            )
+        return sorted(info.base_name for info in infos)
 
     def exists(self) -> bool:
         """Whether any object is there."""

@@ -15,6 +15,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 import socket
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -24,11 +25,12 @@ from pathlib import Path
 import filelock
 
 from mcsettle.errors import InputError
-from mcsettle.storage.files import writable
+from mcsettle.storage.files import inside, writable
 from mcsettle.storage.location import Folder, Place
 
 LOCKS = ".locks"
 LARGEST = 10_000  # bytes of a lock file
+_NAME = re.compile(rf"{re.escape(LOCKS)}/.+-[0-9]+-[0-9a-f]{{8}}\.(json|lock)")
 GATE_PATIENCE = 10.0  # s; it is held for milliseconds
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 PROBE_PATIENCE = 0.5  # s; another process may be asking at the same moment
@@ -73,9 +75,14 @@ def myself(role: str) -> Owner:
     )
 
 
+def is_lock(name: str) -> bool:
+    """Whether a file below ``LOCKS`` is one of ours."""
+    return name == f"{LOCKS}/gate" or _NAME.fullmatch(name) is not None
+
+
 def owners(at: Place) -> list[Owner]:
     """Those at work in a folder, as far as can be told from here."""
-    named = [(name, _read(at, name)) for name in at.names(LOCKS) if name.endswith(".json")]
+    named = [(name, _read(at, name)) for name in _names(at)]
     return [
         owner for name, owner in named if owner and is_alive(owner, _path(at, name)) is not False
     ]
@@ -135,9 +142,7 @@ def held(at: Place, role: str, take_over: bool = False) -> Iterator[Owner]:
 
 
 def _refuse_others(at: Place, me: Owner, take_over: bool) -> None:
-    for name in at.names(LOCKS):
-        if not name.endswith(".json"):
-            continue
+    for name in _names(at):
         other, path = _read(at, name), _path(at, name)
         alive = False if other is None else is_alive(other, path)
         if other is None or alive is False or (take_over and alive is None):
@@ -149,6 +154,11 @@ def _refuse_others(at: Place, me: Owner, take_over: bool) -> None:
             if alive is None:
                 remedy += "; if it is gone for certain, give --take-over"
             raise InputError(f"'{at}' is in use by {other}; {remedy}, or give another folder")
+
+
+def _names(at: Place) -> list[str]:
+    """Names of the files of owners."""
+    return [name for name in at.names(LOCKS) if name.endswith(".json") and is_lock(name)]
 
 
 def _read(at: Place, name: str) -> Owner | None:
@@ -196,7 +206,7 @@ def _gate(at: Place) -> Iterator[None]:
     if not isinstance(at, Folder):
         yield
         return
-    path = at.path / LOCKS / "gate"
+    path = inside(at.path, f"{LOCKS}/gate")
     gate = filelock.FileLock(path)
     try:
         with writable(at):

@@ -10,9 +10,14 @@ from typing import Any
 
 from mcsettle.errors import InputError
 from mcsettle.storage.location import Place, Where, place
-from mcsettle.storage.provenance import read_json, read_provenance
+from mcsettle.storage.provenance import PROVENANCE, read_json, read_provenance
+from mcsettle.storage.tables import TABLES
 
 MANIFEST = "manifest.json"
+DICTIONARY = "data_dictionary.csv"
+STUDY_FILE = "study.toml"
+INPUTS = "inputs"  # copies of the files that the study names
+FILES = (DICTIONARY, PROVENANCE, STUDY_FILE)
 FORMAT = 1  # of the manifest
 LARGEST_MANIFEST = 1_000_000_000
 
@@ -43,9 +48,8 @@ def verify(folder: Where) -> int:
     listed = listed_in(at)
     if listed is None:
         raise InputError(f"'{at}' has no {MANIFEST}: the run is not complete; resume it")
-    found = visible(at)
-    refuse_strays(at, found, list(listed))
-    for name in found:
+    refuse_strays(at, visible(at), [name for name in listed if _is_ours(name)])
+    for name in listed:
         sound(at, name, listed)
     return len(listed)
 
@@ -98,9 +102,20 @@ def sound(
 
 
 def visible(at: Place) -> list[str]:
-    """Names the manifest lists: everything but itself and what is hidden, in order.
+    """Names the manifest lists, in the order of paths, part by part.
 
-    In the order of paths, part by part.
+    Those of the tables and of the study's input files, and the few files beside them; the manifest
+    itself, hidden files and what else somebody keeps there are not ours to list.
     """
-    names = (n for n in at.names() if not any(part.startswith(".") for part in n.split("/")))
-    return sorted((name for name in names if name != MANIFEST), key=lambda name: name.split("/"))
+    names = [name for folder in (*TABLES, INPUTS) for name in at.names(folder)]
+    names = [name for name in names if _is_ours(name)]
+    names += set(at.entries()) & set(FILES)
+    return sorted(names, key=lambda name: name.split("/"))
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a file of a results folder is one that a run writes."""
+    parts = name.split("/")
+    if len(parts) == 1:
+        return name in FILES
+    return parts[0] in (*TABLES, INPUTS) and not any(part.startswith(".") for part in parts)

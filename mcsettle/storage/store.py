@@ -13,7 +13,6 @@ where there is one, and never evaluated.
 import hashlib
 import itertools
 import json
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -24,7 +23,15 @@ import pyarrow as pa
 from mcsettle.errors import InputError
 from mcsettle.storage import parquet
 from mcsettle.storage.location import Where, place
-from mcsettle.storage.manifest import FORMAT, MANIFEST, listed_in, refuse_strays, sound, visible
+from mcsettle.storage.manifest import (
+    DICTIONARY,
+    FORMAT,
+    MANIFEST,
+    listed_in,
+    refuse_strays,
+    sound,
+    visible,
+)
 from mcsettle.storage.provenance import (
     LARGEST_TEXT,
     PROVENANCE,
@@ -38,7 +45,6 @@ from mcsettle.storage.tables import TABLES, data_dictionary, schema_of
 
 Values = Sequence[Any] | np.ndarray
 
-DICTIONARY = "data_dictionary.csv"
 AT_A_TIME = 64  # shards held as they were read
 
 
@@ -59,38 +65,6 @@ def prepare(folder: Where, provenance: Provenance, finished: bool = False) -> No
         at.write(PROVENANCE, text.encode())
     if not finished:
         at.remove(MANIFEST)
-
-
-def shard_name(
-    variant: str, scenario: str, first: int, last: int, parameter_set: int | None = None
-) -> str:
-    """File name of the shard of realisations ``first`` to ``last``, both included.
-
-    ``parameter_set`` is None in a study without uncertain inputs.
-
-    Examples
-    --------
-    >>> shard_name("base", "A", 0, 255)
-    'base--A--00000000-00000255.parquet'
-    >>> shard_name("base", "A", 0, 63, 3)
-    'base--A--set000003--00000000-00000063.parquet'
-    """
-    of_set = "" if parameter_set is None else f"set{parameter_set:06d}--"
-    return f"{slug(variant)}--{slug(scenario)}--{of_set}{first:08d}-{last:08d}.parquet"
-
-
-def slug(name: str) -> str:
-    """The name if it is safe in a file name, else a safe form of it with a digest: no two collide.
-
-    Examples
-    --------
-    >>> slug("A2"), slug("97 km/h")
-    ('A2', '97-km-h-c3eaf3a0')
-    """
-    safe = re.sub(r"[^A-Za-z0-9._]+", "-", name).strip("-.")[:60]
-    if safe == name:
-        return name
-    return f"{safe}-{hashlib.sha256(name.encode()).hexdigest()[:8]}".lstrip("-")
 
 
 def write(
@@ -233,8 +207,9 @@ def finish(folder: Where) -> None:
     for name in visible(at):
         data = sound(at, name, None)
         entry: dict[str, Any] = {"path": name}
-        if name.endswith(".parquet"):
-            entry["rows"] = _shard(data, f"{at}/{name}", name.split("/")[0], provenance).num_rows
+        table = name.partition("/")[0]
+        if table in TABLES:
+            entry["rows"] = _shard(data, f"{at}/{name}", table, provenance).num_rows
         entry["sha256"] = hashlib.sha256(data).hexdigest()
         files.append(entry)
     manifest = {"schema_version": FORMAT, "provenance": asdict(provenance), "files": files}

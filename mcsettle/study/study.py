@@ -312,12 +312,13 @@ class Study(StudyTables):
         table = self.grounds_table
         return () if table is None else read_grounds(table, self._locate)
 
-    def input_files(self) -> dict[str, Path]:
-        """Files that a run of the study reads again, by the names the study gives them."""
-        names = [] if self.profile.file is None else [self.profile.file]
+    def input_files(self) -> dict[str, tuple[str, Path]]:
+        """Files that a run of the study reads again: their names and paths, by key path."""
+        names = {} if self.profile.file is None else {"profile.file": self.profile.file}
         if self.grounds_table is not None:
-            names += [self.grounds_table.layers, self.grounds_table.weights]
-        return {name: self._locate(name) for name in names}
+            names["grounds.layers"] = self.grounds_table.layers
+            names["grounds.weights"] = self.grounds_table.weights
+        return {key: (name, self._locate(name)) for key, name in names.items()}
 
     def record(self) -> Record | None:
         """The profile's measured record, read, filtered and cut; None where there is none.
@@ -383,9 +384,16 @@ def study_from_text(text: bytes, origin: str, folder: Path | None = None) -> Stu
     return Study.from_mapping(parsed_toml(text, origin), origin, folder)
 
 
-def resolved_toml(study: Study) -> str:
-    """``study`` as TOML with every default filled in; reading it gives an equal study."""
-    return tomli_w.dumps(study_data(study))
+def resolved_toml(study: Study, files: Mapping[str, str] | None = None) -> str:
+    """``study`` as TOML with every default filled in; reading it gives an equal study.
+
+    ``files``: other names for the files that the study names, by key path.
+    """
+    data = study_data(study)
+    for path, name in (files or {}).items():
+        table, _, key = path.partition(".")
+        data[table][key] = name
+    return tomli_w.dumps(data)
 
 
 Named = TypeVar("Named", ScenarioTable, VariantTable)

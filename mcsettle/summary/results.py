@@ -10,12 +10,10 @@ from mcsettle.errors import InputError
 from mcsettle.estimate.conditioning import Conditioning, InputBand, weighted_bands
 from mcsettle.storage import manifest, store
 from mcsettle.storage.location import Folder, Place, Where, place
-from mcsettle.storage.manifest import MANIFEST
+from mcsettle.storage.manifest import MANIFEST, STUDY_FILE
 from mcsettle.storage.tables import input_column
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, study_from_text
-
-STUDY_FILE = "study.toml"
 
 
 @dataclass(frozen=True)
@@ -73,8 +71,8 @@ def read_results(folder: Where, finished: bool = True) -> Results:
     at = place(folder)
     if not at.exists():
         raise InputError(f"{at} is no folder; 'mcsettle run STUDY --out {at}' makes one")
-    names = set(at.names())
-    if STUDY_FILE not in names or not any(name.startswith("realisations/") for name in names):
+    names = set(at.entries())
+    if STUDY_FILE not in names or not at.names("realisations"):
         raise InputError(
             f"{at} holds no finished run (realisations/ and {STUDY_FILE}); "
             f"'mcsettle run STUDY --out {at}' makes one"
@@ -85,7 +83,7 @@ def read_results(folder: Where, finished: bool = True) -> Results:
             "and the same run command goes on with it"
         )
     wanted = ("realisations", "history", "effects", "weights")
-    tables = (_table(at, name, names) for name in wanted)
+    tables = (_table(at, name) for name in wanted)
     return Results(study_of(at), *tables)
 
 
@@ -103,9 +101,9 @@ def study_of(folder: Where) -> Study:
     return study_from_text(text, f"{at}/{STUDY_FILE}", own)
 
 
-def _table(at: Place, name: str, names: set[str]) -> pd.DataFrame:
+def _table(at: Place, name: str) -> pd.DataFrame:
     """The table ``name`` of a run, empty where it was not written."""
-    if not any(held.startswith(f"{name}/") for held in names) and not manifest.lists(at, name):
+    if not at.names(name) and not manifest.lists(at, name):
         return pd.DataFrame()
     table: pd.DataFrame = store.read(at, name).to_pandas()
     return table

@@ -352,8 +352,9 @@ def results(tmp_path: Path) -> Path:
     import numpy as np
 
     from mcsettle.storage import store
-    from mcsettle.storage.files import write_text
+    from mcsettle.storage.files import write_file
     from mcsettle.storage.provenance import Provenance
+    from mcsettle.storage.shard_name import shard_name
     from mcsettle.study.study import resolved_toml
 
     reference = {"metric": "tamping_interval_days", "scenario": "v201", "value": 697.0}
@@ -363,13 +364,13 @@ def results(tmp_path: Path) -> Path:
     folder = tmp_path / "run"
     provenance = Provenance("0", study.digest, "0", 1, "0", "f64", 1)
     store.prepare(folder, provenance)
-    write_text(folder, "study.toml", resolved_toml(study))
+    write_file(folder / "study.toml", resolved_toml(study).encode())
     n = 20
     days = {"v201": np.linspace(500.0, 880.0, n), "v225": np.linspace(400.0, 780.0, n)}
     days["v225"][-2:] = np.nan
     growth_of = {"v201": [0.31] * 3, "v225": [None] * 3}
     for scenario, interval in days.items():
-        name = store.shard_name("base", scenario, 0, n - 1)
+        name = shard_name("base", scenario, 0, n - 1)
         keys = {"variant": ["base"] * n, "scenario": [scenario] * n}
         keys |= {"parameter_set": np.zeros(n, np.int32), "realisation": np.arange(n)}
         known = [None if np.isnan(d) else float(d) for d in interval]
@@ -390,7 +391,7 @@ def results(tmp_path: Path) -> Path:
         early = {"day": np.zeros(n), "sd_mm": np.full(n, 1.03)}
         store.write(folder, "history", name, keys | early, provenance)
         later = {"day": np.full(n, 697.0), "sd_mm": np.linspace(1.4, 1.49, n)}
-        name = store.shard_name("base", scenario, n, 2 * n - 1)
+        name = shard_name("base", scenario, n, 2 * n - 1)
         store.write(folder, "history", name, keys | later, provenance)
     paired = [i < n - 2 for i in range(n)]
     effects = keys | {
@@ -401,7 +402,7 @@ def results(tmp_path: Path) -> Path:
         "elasticity": [-2.0 if p else None for p in paired],
         "marginal_cost": [1.4 if p else None for p in paired],
     }
-    store.write(folder, "effects", store.shard_name("base", "v225", 0, n - 1), effects, provenance)
+    store.write(folder, "effects", shard_name("base", "v225", 0, n - 1), effects, provenance)
     store.finish(folder)
     return folder
 

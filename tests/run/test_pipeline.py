@@ -16,7 +16,8 @@ from mcsettle.run.transfers import step_a
 from mcsettle.step_a import critical_speed
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.engine import engine_for
-from mcsettle.storage import manifest, store
+from mcsettle.storage import manifest
+from mcsettle.storage.shard_name import shard_name
 from mcsettle.study.study import load_study, resolved_toml
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -46,7 +47,7 @@ def test_every_file_is_there_and_whole(finished):
     assert finished.remarks == ()
     names = set(everything(finished.folder))
     shards = {
-        store.shard_name("base", scenario, first, last)
+        shard_name("base", scenario, first, last)
         for scenario in ("v201", "v225")
         for first, last in ((0, 3), (4, 5))
     }
@@ -141,11 +142,11 @@ def test_resuming_changes_no_byte(study, finished, kind, tmp_path, small_shards)
     second.write_bytes(second.read_bytes()[:100])
     (tmp_path / "manifest.json").unlink()
     if kind != "effects":
-        kept = (tmp_path / "realisations" / store.shard_name("base", "v225", 4, 5)).stat()
+        kept = (tmp_path / "realisations" / shard_name("base", "v225", 4, 5)).stat()
     run_study(study, tmp_path)
     assert everything(tmp_path) == everything(finished.folder)
     if kind != "effects":
-        now = (tmp_path / "realisations" / store.shard_name("base", "v225", 4, 5)).stat()
+        now = (tmp_path / "realisations" / shard_name("base", "v225", 4, 5)).stat()
         assert now.st_mtime_ns == kept.st_mtime_ns
 
 

@@ -149,10 +149,15 @@ def test_status_says_what_is_there_missing_and_damaged(study, whole, tmp_path):
     text = runner.invoke(app, ["status", str(tmp_path)]).stdout
     assert "2 of 6 shards" in text
     assert "computes what is missing" in text
+    # What is not ours is never removed: no run begins, and nothing is closed, before it has gone.
+    for verb in (lambda: gather(tmp_path), lambda: run_study(study, tmp_path)):
+        with pytest.raises(InputError, match=r"notes\.txt' is of no run"):
+            verb()
+    (tmp_path / "realisations" / "notes.txt").unlink()
     refused = runner.invoke(app, ["gather", str(tmp_path)])
     assert refused.exit_code == 2
     assert "altered or cut short" in refused.stderr
-    # The same run mends it, stray and all: nothing but what was damaged is computed.
+    # The same run mends it: nothing but what was damaged is computed.
     done = run_study(study, tmp_path)
     assert done.n_computed == 4
     assert everything(tmp_path) == everything(whole)
@@ -224,7 +229,7 @@ def test_out_of_memory_takes_a_smaller_batch_once(study, whole, tmp_path, monkey
 
 def put(folder: Path, owner: lock.Owner, unlocked: bool = False) -> Path:
     """The lock of ``owner``; ``unlocked``: with the file whose lock has died with it."""
-    path = folder / lock.LOCKS / f"{owner.host}-{owner.pid}.json"
+    path = folder / lock.LOCKS / f"{owner.host}-{owner.pid}-00000000.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     if unlocked:
         path.with_suffix(".lock").touch()

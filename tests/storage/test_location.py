@@ -173,7 +173,7 @@ def test_pipes_and_devices_are_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     os.symlink("/dev/zero", tmp_path / "zero")
     for name in ("pipe", "zero"):
-        with pytest.raises(InputError, match="no regular file"):
+        with pytest.raises(InputError, match=r"not a regular file|is a link"):
             place(tmp_path).read(name)
     (tmp_path / "/".join("abcdefghij")).mkdir(parents=True)
     with pytest.raises(InputError, match="too deep"):

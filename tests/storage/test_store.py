@@ -13,8 +13,9 @@ import pytest
 
 from mcsettle.errors import InputError
 from mcsettle.storage import manifest, store
-from mcsettle.storage.files import write_text
+from mcsettle.storage.files import write_file
 from mcsettle.storage.provenance import Provenance
+from mcsettle.storage.shard_name import shard_name, slug
 from mcsettle.storage.tables import TABLES
 
 PROVENANCE = Provenance(
@@ -52,7 +53,7 @@ def realisations(first, last, scenario="A"):
 
 
 def write_shard(folder, first, last, scenario="A"):
-    name = store.shard_name("base", scenario, first, last)
+    name = shard_name("base", scenario, first, last)
     rows = realisations(first, last, scenario)
     return store.write(folder, "realisations", name, rows, PROVENANCE, first, last)
 
@@ -92,7 +93,7 @@ def test_units_and_meanings_are_in_every_field(folder):
 
 
 def test_compression_and_encoding(folder):
-    path = folder / "realisations" / store.shard_name("base", "A", 0, 9)
+    path = folder / "realisations" / shard_name("base", "A", 0, 9)
     group = pq.read_metadata(path).row_group(0)
     for i in range(group.num_columns):
         column = group.column(i)
@@ -157,7 +158,7 @@ def test_manifest_counts_rows_and_verifies(folder):
 
 
 def test_damaged_file_is_named(folder):
-    path = folder / "realisations" / store.shard_name("base", "B", 10, 14)
+    path = folder / "realisations" / shard_name("base", "B", 10, 14)
     path.write_bytes(path.read_bytes()[:-20])
     for check in (manifest.verify, lambda f: store.read(f, "realisations"), store.finish):
         with pytest.raises(InputError, match=r"base--B--00000010-00000014.*damaged"):
@@ -165,7 +166,7 @@ def test_damaged_file_is_named(folder):
 
 
 def test_missing_and_stray_files_are_named(folder):
-    path = folder / "realisations" / store.shard_name("base", "A", 0, 9)
+    path = folder / "realisations" / shard_name("base", "A", 0, 9)
     stray = folder / "realisations" / "notes.txt"
     stray.write_text("hello", encoding="utf-8")
     with pytest.raises(InputError, match=r"notes\.txt"):
@@ -194,7 +195,7 @@ def test_another_study_is_refused_with_the_difference(folder):
 
 def test_shard_of_another_study_is_refused(folder):
     other = Provenance(**{**vars(PROVENANCE), "transfer_digest": "ef"})
-    name = store.shard_name("base", "C", 0, 4)
+    name = shard_name("base", "C", 0, 4)
     store.prepare(folder, PROVENANCE)
     store.write(folder, "realisations", name, realisations(0, 4, "C"), other, 0, 4)
     with pytest.raises(InputError, match=r"base--C.*transfer digest ef"):
@@ -210,7 +211,7 @@ def test_resuming_takes_the_manifest_away(folder):
 
 
 def test_failed_write_leaves_the_old_file(folder, monkeypatch):
-    path = folder / "realisations" / store.shard_name("base", "A", 0, 9)
+    path = folder / "realisations" / shard_name("base", "A", 0, 9)
     before = path.read_bytes()
 
     def full(*_args):
@@ -231,18 +232,18 @@ def test_unwritable_folder_is_an_input_error(tmp_path):
 
 
 def test_text_is_saved_as_given(tmp_path):
-    path = write_text(tmp_path, "study.toml", "title = 'déjà vu'\n")
+    path = write_file(tmp_path / "study.toml", "title = 'déjà vu'\n".encode())
     assert path.read_bytes() == "title = 'déjà vu'\n".encode()
 
 
 @pytest.mark.parametrize("name", ["A", "201_km.h", "base-2"])
 def test_safe_names_stay(name):
-    assert store.slug(name) == name
+    assert slug(name) == name
 
 
 def test_unsafe_names_stay_apart():
     names = ["a/b", "a b", "a--b", "../a", "é", "-", "x" * 100, "x" * 101, ".a", "a"]
-    slugs = [store.slug(name) for name in names]
+    slugs = [slug(name) for name in names]
     assert len(set(slugs)) == len(names)
     for text in slugs:
         assert set(text).isdisjoint("/ é")

@@ -15,7 +15,7 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mcsettle.storage.files import write_whole
+from mcsettle.storage.files import write_file
 
 P = ParamSpec("P")
 
@@ -89,15 +89,7 @@ def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMA
     InputError
         If the folder cannot be written.
     """
-    paths = []
-    for kind in formats:
-        content = drawn(figure, kind)
-
-        def fill(path: Path, content: bytes = content) -> None:
-            path.write_bytes(content)
-
-        paths.append(write_whole(folder, f"{name}.{kind}", fill))
-    return paths
+    return [write_file(folder / f"{name}.{kind}", drawn(figure, kind)) for kind in formats]
 
 
 def drawn(figure: Figure, kind: str, **rules: Any) -> bytes:
