@@ -53,8 +53,11 @@ def report(
     if markdown is not None:
         written.append(write_file(markdown, as_markdown(page).encode("utf-8")))
     if figures is not None:
+        from mcsettle.report.figures.forms import forms_figure
         from mcsettle.report.figures.style import METADATA, save
 
+        if page.bars is not None:
+            written += save(forms_figure(page.bars), figures, "answer", tuple(METADATA))
         for picture in page.pictures:
             written += save(picture.figure, figures, picture.name, tuple(METADATA))
     if pdf:

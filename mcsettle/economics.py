@@ -23,6 +23,7 @@ Number = float | np.ndarray
 
 SPEED_UNIT = "GBP per km/h per 1000 train-km"
 TONNAGE_UNIT = "GBP per 1000 tonne-km"
+_BEYOND = np.geomspace(1.0, 100.0, 200)  # horizons, over which a censored baseline is tried
 
 
 def perpetual_present_value(
@@ -298,6 +299,43 @@ def paired_effects(
         reduction_lower=_reduction_percent(shortest[0], longest[1]),
         reduction_upper=_reduction_percent(longest[0], shortest[1]),
     )
+
+
+def highest_costs(
+    base_days: np.ndarray,
+    days: np.ndarray,
+    base_censored_at: np.ndarray,
+    censored_at: np.ndarray,
+    change: Change,
+    tamping_cost: Number = 5625.0,
+    discount_rate: Number = 0.035,
+) -> np.ndarray:
+    """What the marginal cost of each pair can be at most, censored intervals lying beyond their horizon.
+
+    Parameters
+    ----------
+    base_days, days, base_censored_at, censored_at, change, tamping_cost, discount_rate
+        As for ``paired_effects``, shape [R] each.
+
+    Returns
+    -------
+    ndarray, shape [R], in the unit of ``change``
+        The cost itself where both intervals are known, NaN where a realisation failed. A change that
+        lowers its driver (fewer tonnes, lower speed) has no such bound where the scenario is censored:
+        infinite. From below nothing bounds the cost of a censored scenario.
+    """
+    paired = (base_days, days, base_censored_at, censored_at, tamping_cost, discount_rate)
+    first, second, first_end, second_end, price, rate = np.broadcast_arrays(
+        *(np.asarray(a, dtype=float) for a in paired)
+    )
+    shortest = _known(second, second_end)
+    # The baseline may be any length beyond its horizon: the cost has one maximum there.
+    stretch = np.where(np.isnan(first), _BEYOND[:, None], 1.0)
+    years = _known(first, first_end) * stretch / DAYS_PER_YEAR
+    later = np.where(np.isnan(second) & (change.changed < change.base), np.inf, shortest)
+    gamma = elasticity(years * DAYS_PER_YEAR, later, change.base, change.changed)
+    costs = marginal_cost(gamma, years, price, rate, change.divisor)
+    return np.asarray(np.max(costs, axis=0))
 
 
 def _known(days: np.ndarray, otherwise: Number) -> np.ndarray:

@@ -7,8 +7,8 @@ from pathlib import Path
 from mcsettle.analysis.tornado import Bar, tornado
 from mcsettle.analysis.track_case import track_cases
 from mcsettle.analysis.track_summary import increases_at_surface
-from mcsettle.report.answer import answer, question, scope
 from mcsettle.report.audit import limit_blocks, method_blocks, provenance_blocks
+from mcsettle.report.first_page import first_page, scope
 from mcsettle.report.material import Material, StepAPart, read_material
 from mcsettle.report.page import Block, Page, Picture, Section, Text
 from mcsettle.report.pictures import (
@@ -18,6 +18,7 @@ from mcsettle.report.pictures import (
     single_track_pictures,
     step_a_pictures,
 )
+from mcsettle.report.price_words import question
 from mcsettle.report.published import published_blocks
 from mcsettle.report.quality import (
     calibration_blocks,
@@ -76,7 +77,7 @@ def _case_of(material: Material, progress: Progress | None, processes: int):  # 
 
 def build(material: Material, bars: Sequence[Bar] = ()) -> Page:
     """The page of ``material``; ``bars``: a tornado, if one was computed."""
-    first = answer(material)
+    first = first_page(material)
     results = [*result_blocks(material), *growth_pictures(material)]
     track = list(_track(material))
     before = [
@@ -96,7 +97,7 @@ def build(material: Material, bars: Sequence[Bar] = ()) -> Page:
         Section("provenance", "Provenance", tuple(provenance_blocks(material))),
     ]
     title = cut(material.study.title, 300) or "Untitled study"
-    page = Page(title, question(material), scope(material), first, tuple(before))
+    page = Page(title, question(material.answers), scope(material), first, tuple(before))
     published: list[Section] = []
     if material.study.reference:
         blocks = tuple(published_blocks(material, page.pictures))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from mcsettle.estimate.estimate import Estimate
 from mcsettle.report.material import Material
+from mcsettle.report.money import currency_of, symbol
 from mcsettle.report.words import mostly_known
 from mcsettle.study.study import Study
 from mcsettle.summary.summary import SummaryRow
@@ -71,28 +72,49 @@ def marginal_train(study: Study, scenario: str) -> MarginalTrain | None:
     return _train(study, *key, more=more)
 
 
-def charges(material: Material, scenario: str) -> list[Charge]:
-    """The marginal cost of ``scenario`` in every unit that it has; none of a minority of the tracks."""
-    study, row = material.study, material.row(scenario, "marginal_cost")
-    change = study.change(scenario)
-    if row is None or change is None or not mostly_known(row):
+@dataclass(frozen=True)
+class PriceUnit:
+    """What a marginal cost is per: ``label``, and the factor from the unit of the study's effects."""
+
+    label: str
+    factor: float
+
+
+def price_units(study: Study, scenario: str, miles: bool = False) -> list[PriceUnit]:
+    """The units that the marginal cost of ``scenario`` has, that of its effect first."""
+    change, train = study.change(scenario), marginal_train(study, scenario)
+    if change is None:
         return []
-    train = marginal_train(study, scenario)
-    km, length = (KM_PER_MILE, "mile") if material.miles else (1.0, "km")
-    own = "£ per km/h per 1000 train" if change.effect == "speed" else "£ per 1000 gross tonne"
-    found = [Charge(scenario, f"{own}-{length}", row, km)]
+    km, length = (KM_PER_MILE, "mile") if miles else (1.0, "km")
+    tonne = f"1000 gross tonne-{length}"
+    speed = change.effect == "speed"
+    found = [PriceUnit(f"km/h per 1000 train-{length}" if speed else tonne, km)]
     if train is None:
         return found
-    if change.effect == "speed" and train.base_speed is not None:
+    each = train.mass / 1000.0
+    if train.base_speed is not None:
         each = (train.speed - train.base_speed) / 1000.0
-        found.append(
-            Charge(scenario, f"£ per 1000 gross tonne-{length}", row, 1e3 * each / train.mass * km)
-        )
-    else:
-        each = train.mass / 1000.0
-    found.append(Charge(scenario, f"£ per train-{length}", row, each * km))
-    found.append(Charge(scenario, f"£ per vehicle-{length}", row, each / train.cars * km))
+        found.append(PriceUnit(tonne, 1e3 * each / train.mass * km))
+    found.append(PriceUnit(f"train-{length}", each * km))
+    found.append(PriceUnit(f"vehicle-{length}", each / train.cars * km))
     return found
+
+
+def headline_unit(study: Study, scenario: str, miles: bool = False) -> PriceUnit:
+    """The unit a price is asked in: of a train for a speed, of tonnes for tonnage."""
+    units = price_units(study, scenario, miles)
+    return next((unit for unit in units if unit.label.startswith("train-")
+                 and units[0].label.startswith("km/h")), units[0])  # fmt: skip
+
+
+def charges(material: Material, scenario: str) -> list[Charge]:
+    """The marginal cost of ``scenario`` in every unit that it has; none of a minority of the tracks."""
+    row = material.row(scenario, "marginal_cost")
+    if row is None or not mostly_known(row):
+        return []
+    units = price_units(material.study, scenario, material.miles)
+    sign = symbol(currency_of(material.study))
+    return [Charge(scenario, f"{sign} per {unit.label}", row, unit.factor) for unit in units]
 
 
 def _services(study: Study, scenario: str) -> dict[tuple[str, float], int]:

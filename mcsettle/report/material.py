@@ -11,6 +11,7 @@ from mcsettle.analysis.table4 import Increase
 from mcsettle.analysis.track_case import TrackCase
 from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.study.study import Study
+from mcsettle.summary.answers import Answers, answers
 from mcsettle.summary.results import Results, read_results
 from mcsettle.summary.summary import SummaryRow, summary_rows
 
@@ -25,12 +26,12 @@ class StepAPart:
 
 @dataclass(frozen=True)
 class Material:
-    """What the parts of a report share; ``variant`` is the one the answer is taken from."""
+    """What the parts of a report share."""
 
     results: Results
     rows: tuple[SummaryRow, ...]
+    answers: Answers
     provenance: Provenance
-    variant: str
     miles: bool = False
     step_a: StepAPart | None = None
 
@@ -38,6 +39,11 @@ class Material:
     def study(self) -> Study:
         """The study of the run."""
         return self.results.study
+
+    @property
+    def variant(self) -> str:
+        """The variant the answer is taken from."""
+        return self.answers.form
 
     @property
     def n_tracks(self) -> int:
@@ -92,9 +98,9 @@ def read_material(folder: Path, variant: str | None = None, miles: bool = False)
         No finished run there, or no such variant.
     """
     results = read_results(folder)
-    name = results.study.variant(variant).name if variant else results.study.variant_names[0]
+    first = answers(results, variant)
     rows = tuple(summary_rows(results))
-    return Material(results, rows, read_provenance(folder), name, miles)
+    return Material(results, rows, first, read_provenance(folder), miles)
 
 
 def rows_digest(table: pd.DataFrame) -> str:

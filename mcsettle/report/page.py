@@ -58,7 +58,66 @@ class Code:
     folded: bool = False
 
 
-Block = Text | Bullets | Table | Picture | Code
+@dataclass(frozen=True)
+class Bar:
+    """One price on an axis, places in per cent of it (None: unknown), and what stands beside it.
+
+    ``tint`` is the number of the scenario's colour; ``published`` a ring. ``cells`` stand to the right.
+    """
+
+    label: str
+    tint: int
+    low: float | None
+    middle: float | None
+    high: float | None
+    published: float | None
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BarRow:
+    """One model form: its name, what it assumes, a bar a scenario."""
+
+    title: str
+    note: str
+    bars: tuple[Bar, ...]
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Prices by model form on one axis: ``zero`` and ``ticks`` (place in per cent, text).
+
+    ``head`` names the columns: form, axis, then one a cell.
+    """
+
+    caption: str
+    head: tuple[str, ...]
+    zero: float
+    ticks: tuple[tuple[float, str], ...]
+    rows: tuple[BarRow, ...]
+    alt: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Lead:
+    """A sentence of the answer with the colour of its scenario and whether the number may be used."""
+
+    text: str
+    label: str
+    tint: int
+    verdict: str = ""  # "yes", "as a range", "no"; "": nothing to say
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Short parts side by side where there is room for it."""
+
+    parts: "tuple[tuple[Block, ...], ...]"
+
+
+Block = Text | Bullets | Table | Picture | Code | Bars | Lead | Columns
 
 
 @dataclass(frozen=True)
@@ -80,6 +139,11 @@ class Page:
     answer: tuple[Block, ...]
     sections: tuple[Section, ...]
     footer: str = ""
+
+    @property
+    def bars(self) -> Bars | None:
+        """The prices by model form on the first page; None without prices."""
+        return next((block for block in self.answer if isinstance(block, Bars)), None)
 
     @property
     def pictures(self) -> list[Picture]:

@@ -11,7 +11,8 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from mcsettle.report.figures.style import page_svg
-from mcsettle.report.page import Bullets, Page, Table, Text
+from mcsettle.report.page import Bars, Bullets, Columns, Lead, Page, Table, Text
+from mcsettle.report.price_words import USE
 
 CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 
@@ -51,6 +52,13 @@ def markdown(page: Page, sections: tuple[str, ...] = ()) -> str:
 def _lines(block: object) -> list[str]:
     if isinstance(block, Text):
         return [_escaped(block.text), ""]
+    if isinstance(block, Lead):
+        worth = f" Supported: {USE[block.verdict]} ({block.reason})." if block.verdict else ""  # type: ignore[index]
+        return [_escaped(block.text + worth), ""]
+    if isinstance(block, Columns):
+        return [line for part in block.parts for inner in part for line in _lines(inner)]
+    if isinstance(block, Bars):
+        return _lines(_as_table(block))
     if isinstance(block, Bullets):
         head = [f"**{_escaped(block.title)}**", ""] if block.title else []
         return [*head, *(f"- {_escaped(entry)}" for entry in block.entries), ""]
@@ -59,8 +67,19 @@ def _lines(block: object) -> list[str]:
         filled = ((*row, *("",) * (len(block.head) - len(row))) for row in block.rows)
         rows = [_row(block.head), _row(tuple(rule)), *(_row(row) for row in filled)]
         note = [_escaped(block.note), ""] if block.note else []
-        return [f"**{_escaped(block.caption)}**", "", *rows, "", *note]
+        title = [f"**{_escaped(block.caption)}**", ""] if block.caption else []
+        return [*title, *rows, "", *note]
     return []
+
+
+def _as_table(bars: Bars) -> Table:
+    rows = tuple(
+        (f"{row.title} ({row.note})", bar.label, *bar.cells)
+        for row in bars.rows
+        for bar in row.bars
+    )
+    head = (bars.head[0], "scenario", f"{bars.head[1]}: {bars.head[2]}", *bars.head[3:])
+    return Table(bars.caption, head, rows, 2)
 
 
 def _row(cells: tuple[str, ...]) -> str:

@@ -7,12 +7,12 @@ from importlib.resources import files
 from typing import Any
 
 from mcsettle.estimate.rounding import NOT_REACHED, number
-from mcsettle.report.answer import prices
 from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
 from mcsettle.report.curves import fans, spreads, survivals
 from mcsettle.report.figures.results import fan_figure, spreads_figure, survival_figure
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Picture, Table, Text
+from mcsettle.report.price_words import prices
 from mcsettle.report.words import (
     METRICS,
     as_given,
@@ -139,7 +139,7 @@ def charge_blocks(material: Material) -> Iterator[Block]:
     if rows:
         note = (
             "Each train as the marginal one, more often or faster than in the baseline; "
-            f"{prices(material)}. A price list for a line takes the mean."
+            f"{prices(material.study)}. A price list for a line takes the mean."
         )
         yield Table("Charge table", ("unit", "P50", "P5 to P95", "mean"), tuple(rows), 1, note)
     elif any(marginal_train(material.study, scenario) for scenario in material.compared):

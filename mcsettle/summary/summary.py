@@ -70,7 +70,7 @@ def summary_rows(results: Results) -> list[SummaryRow]:
     return [
         row
         for variant in results.study.variant_names
-        for weights in (_set_weights(results, variant),)
+        for weights in (set_weights(results, variant),)
         for scenario in results.study.scenario_names
         for row in _rows_of(results, variant, scenario, weights)
     ]
@@ -103,7 +103,7 @@ def _rows_of(
     yield from _effect_rows(results, variant, scenario, weights)
 
 
-def _set_weights(results: Results, variant: str) -> SetWeights | None:
+def set_weights(results: Results, variant: str) -> SetWeights | None:
     """Weights of the parameter sets given the observations; None without, or if they collapse."""
     found = results.conditioning(variant)
     if found is None or not found.usable:
@@ -225,7 +225,7 @@ def _effect_rows(
     sets = sets_of(results.realisations)
     spreads = effect_spread(results.study, results.members, scenario, own, table)
     given: dict[str, list[Statistic]] = {}
-    priced = as_interval(weights, _cost_exponent(results.study, own))
+    priced = as_interval(weights, cost_exponent(results.study, own))
     if weights is not None:
         given = effect_spread(results.study, results.members, scenario, own, table, priced)
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
@@ -239,7 +239,7 @@ def _effect_rows(
         yield _with_reference(results, row, table.assign(values=table[metric]), weights)
 
 
-def _cost_exponent(study: Study, own: pd.DataFrame) -> float:
+def cost_exponent(study: Study, own: pd.DataFrame) -> float:
     """The power of the intervals that marginal costs go as, at the median interval of the baseline."""
     prices = study.priced
     if prices is None:

@@ -105,11 +105,14 @@ def test_page_is_whole_and_answers_first(speed_run: Path) -> None:
     tags = checked(text)
     assert tags.images
     first = text[: text.index("<nav")]
-    assert "What does a faster train cost" in first
-    for unit in ("per 1000 gross tonne-km", "per train-km", "per vehicle-km", "GBP"):
-        assert unit in first
-    assert "What the band P5 to P95 contains" in first
-    assert first.count('role="img"') == 1
+    assert "What does a faster passenger train cost in tamping?" in first
+    # Currency, unit, price with its interval, spread of the sections, worth of the number.
+    for said in ("GBP", "per train-km", "line mean (95 %)", "sections, P5 to P95", "Supported:"):
+        assert said in first
+    assert "Run the set of forms" in first  # one form only
+    assert first.count('class="bars"') == 1
+    for unit in ("per 1000 gross tonne-km", "per train-km", "per vehicle-km"):
+        assert unit in text[text.index('id="charges"') :]
     last = text[text.index('id="provenance"') :]
     for part in (
         "mcsettle run study.toml",
@@ -164,7 +167,7 @@ def test_tonnage_is_charged_by_the_mass_of_the_added_train(tmp_path: Path) -> No
     miles = {c.unit: c.factor for c in charges(read_material(folder, miles=True), "C")}
     assert miles["£ per train-mile"] == pytest.approx(4.0 * KM_PER_MILE)
     assert "per train-mile" in page_of(folder, miles=True)
-    assert "one more train a day (freight, 4000 t, 97 km/h)" in page_of(folder)
+    assert "One more freight train a day (4000 t, 97 km/h) costs about" in page_of(folder)
 
 
 def test_no_single_train_no_charge_per_train() -> None:
@@ -209,8 +212,8 @@ def test_everything_censored(tmp_path: Path) -> None:
     text = page_of(folder)
     checked(text)
     first = text[: text.index("<nav")]
-    assert "No track reached its limit within 50 years" in first
-    assert "no cost can be stated" in first
+    assert "No section reached its limit within 50 years" in first
+    assert "no price." in first
     assert not re.search(r"\b(nan|inf)\b", " ".join(parsed(text).text), re.IGNORECASE)
 
 
@@ -219,7 +222,7 @@ def test_one_censored_scenario_states_no_cost(tmp_path: Path) -> None:
     folder = made_run.write(tmp_path / "run", made_run.study(), {"v201": DAYS, "v225": never})
     text = page_of(folder)
     checked(text)
-    assert "no cost can be stated" in text
+    assert "no price. Only 0 of 41 pairs of sections reach the limit within 50 years" in text
     assert "41 of 82 realisations had not reached" in text
 
 
@@ -229,19 +232,20 @@ def test_a_minority_of_tracks_states_no_cost(tmp_path: Path) -> None:
     folder = made_run.write(tmp_path / "run", made_run.study(), {"v201": DAYS, "v225": later})
     first = page_of(folder)
     first = first[: first.index("<nav")]
-    assert "no cost can be stated, 5 of 41 tracks reach the limit in both scenarios" in first
-    assert "The answer in charging units" not in first
+    assert "no price. Only 5 of 41 pairs of sections reach the limit within 50 years" in first
+    assert "the line&#39;s mean is at most" in first
+    assert "Supported: no" in first
     assert "Charge table" not in page_of(folder)
     most = np.where(np.arange(41) < 36, 0.8 * DAYS, np.nan)
     folder = made_run.write(tmp_path / "most", made_run.study(), {"v201": DAYS, "v225": most})
-    assert "no cost can be stated" not in page_of(folder)
+    assert "no price" not in page_of(folder)
 
 
 def test_one_realisation_one_scenario_failed_rows(tmp_path: Path) -> None:
     one = {"v201": [697.0], "v225": [568.0]}
     text = page_of(made_run.write(tmp_path / "one", made_run.study(), one))
     checked(text)
-    assert "One track only" in text
+    assert "One section only" in text
     scenarios = made_run.study().scenarios[:1]
     alone = made_run.study(economics=None, scenarios=[s.model_dump(exclude_none=True) for s in
                                                       scenarios])  # fmt: skip
@@ -336,8 +340,8 @@ def test_markdown_has_every_table(speed_run: Path) -> None:
         for block in section.blocks:
             if type(block).__name__ == "Table" and block.rows:
                 assert f"**{block.caption}".replace("_", "\\_") in text
-    widths = {line.count(" | ") for line in text.splitlines() if line.startswith("| unit | P5 |")}
-    assert widths == {4}
+    widths = {line.count(" | ") for line in text.splitlines() if line.startswith("| unit | P50 |")}
+    assert widths == {3}
 
 
 # --- the command ----------------------------------------------------------------------------------

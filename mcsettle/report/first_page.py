@@ -1,0 +1,123 @@
+"""The first page: the question, the answer in charging units, what it is worth, what would narrow it."""
+
+from collections.abc import Iterator
+
+from mcsettle.estimate.rounding import number
+from mcsettle.report.assumptions import narrowed_by
+from mcsettle.report.form_bars import MOST_LINES, form_bars
+from mcsettle.report.material import Material
+from mcsettle.report.money import currency_of, symbol
+from mcsettle.report.page import Block, Bullets, Columns, Lead, Table, Text
+from mcsettle.report.price_words import answer_sentence, interval_change, prices
+from mcsettle.report.words import cut
+from mcsettle.summary.answers import Answers
+
+MOST_TOLD = 4  # scenarios told in sentences
+MOST_NARROWING = 3  # things to measure
+
+
+def scope(material: Material) -> str:
+    """The size of the sample, the forms, the prices."""
+    study, n = material.study, len(material.answers.forms)
+    sets = f" × {material.n_sets} parameter sets" if material.n_sets > 1 else ""
+    parts = [
+        f"{material.n_tracks} track sections{sets} in each scenario",
+        f"{n} model form{'s' if n > 1 else ''}",
+        f"seed {study.seed}",
+    ]
+    return " · ".join([*parts, prices(study)] if study.economics is not None else parts)
+
+
+def first_page(material: Material) -> tuple[Block, ...]:
+    """Sentences, the forms side by side, when the line is tamped, what narrows the price."""
+    answers = material.answers
+    blocks: list[Block] = list(_warnings(material))
+    told = list(answers.summaries)[:MOST_TOLD]
+    for scenario in told:
+        text, verdict, reason = answer_sentence(answers, scenario, material.miles)
+        tint = material.study.scenario_names.index(scenario)
+        blocks.append(Lead(text, cut(scenario, 20), tint, verdict, reason))
+    more = len(answers.summaries) - len(told)
+    if more > 0:
+        blocks.append(Text(f"{more} more scenarios under Prices by model form.", "note"))
+    if answers.summaries:
+        blocks.append(form_bars(material, shown_scenarios(answers)))
+    columns: list[tuple[Block, ...]] = [(interval_table(material),)]
+    if answers.summaries:
+        columns.append((Bullets(tuple(_price_of(material)), "What the price is a price of"),))
+    rests = Bullets(tuple(_rests_on(material)), "What it rests on")
+    narrowing = Bullets(tuple(narrowed_by(answers))[:MOST_NARROWING], "What would narrow it")
+    columns.append(tuple(part for part in (narrowing, rests) if part.entries))
+    return (*blocks, Columns(tuple(columns)))
+
+
+def shown_scenarios(answers: Answers) -> list[str]:
+    """Scenarios of the picture, in the study's order: the ones not settled before the others."""
+    n = max(1, MOST_LINES // len(answers.forms))
+    names = list(answers.summaries)
+    open_first = sorted(names, key=lambda name: answers.summaries[name].verdict == "yes")
+    return [name for name in names if name in open_first[:n]]
+
+
+def interval_table(material: Material) -> Table:
+    """When the line is tamped: days, half of the sections, the change."""
+    answers, rows = material.answers, []
+    late = f"> {number(material.study.limit.horizon_days, 0)}"
+    for scenario in material.study.scenario_names:
+        found = answers.intervals.get((answers.form, scenario))
+        if found is None:
+            continue
+        low, high = (number(day, 0, late) for day in found.half)
+        middle = late if found.median.value is None else found.median.with_error()
+        effect = answers.effect(scenario)
+        change = "" if effect is None else interval_change(effect)
+        rows.append((cut(scenario, 20), middle, f"{low} to {high}", change))
+    width = 4 if any(row[3] for row in rows) else 3
+    head = ("", "days", "half of the sections", "change")[:width]
+    return Table("When is the line tamped?", head, tuple(row[:width] for row in rows), 1)
+
+
+def _price_of(material: Material) -> Iterator[str]:
+    priced = material.study.priced
+    assert priced is not None
+    sign = symbol(currency_of(material.study))
+    yield (
+        f"Tamping alone, {sign}{priced.tamping_cost_gbp_per_track_km:g} a track-km, discounted at "
+        f"{100.0 * priced.discount_rate:g} % a year; no renewal, wear or delays."
+    )
+    yield "Mean over the sections of a line. Single sections differ far more; that is no error."
+
+
+def _rests_on(material: Material) -> Iterator[str]:
+    study, answers = material.study, material.answers
+    settings = study.settlement_settings(answers.form)
+    note = study.calibration
+    text = f"A settlement factor of {settings.settlement_factor:g}"
+    if settings.settlement_factor == 1.0:
+        text = "No calibration: the settlement factor is 1"
+    elif note is not None:
+        text += f", fitted to {note.target_days:g} days in {note.scenario}"
+        text += f" of {cut(note.study, 60)}" if note.study else ""
+    first = answers.intervals.get((answers.form, study.scenario_names[0]))
+    if first is not None and first.settlement is not None:
+        text += f"; the line as a whole settles {number(first.settlement, 0)} mm by then"
+    yield f"{text}."
+
+
+def _warnings(material: Material) -> Iterator[Block]:
+    table = material.results.realisations
+    own = table[table["variant"] == material.variant]
+    n, counts = len(own), own["status"].value_counts()
+    failed, censored = int(counts.get("failed", 0)), int(counts.get("censored", 0))
+    if failed:
+        yield Text(f"{failed} of {n} realisations failed and are left out; their rows say why.",
+                   "warning")  # fmt: skip
+    years = material.study.limit.horizon_years
+    if censored and censored == n - failed:
+        yield Text(f"No section reached its limit within {years:g} years: neither interval nor "
+                   "price can be stated.", "warning")  # fmt: skip
+    elif censored:
+        yield Text(f"{censored} of {n} realisations had not reached their limit at the horizon of "
+                   f"{years:g} years; they count as longer than that.", "note")  # fmt: skip
+    if material.n_tracks == 1:
+        yield Text("One section only: there is no spread and no Monte Carlo error.", "warning")

@@ -1,0 +1,129 @@
+"""The prices of all model forms on one axis: a row for each form, a bar for each scenario."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from mcsettle.estimate.rounding import number
+from mcsettle.report.assumptions import told_apart
+from mcsettle.report.charging import PriceUnit, headline_unit
+from mcsettle.report.material import Material
+from mcsettle.report.money import currency_of, money_for
+from mcsettle.report.page import Bar, BarRow, Bars
+from mcsettle.report.price_words import (
+    interval_change,
+    price_interval,
+    price_places,
+    sections_words,
+    sign_words,
+)
+from mcsettle.report.words import cut
+
+Place = Callable[[float], float]  # from a price to per cent of the axis
+
+MOST_LINES = 12  # bars of the first page
+MARGIN = 0.06  # of the axis, on either side
+
+
+def form_bars(material: Material, scenarios: list[str]) -> Bars:
+    """The line prices of ``scenarios`` in every form, on one axis with zero."""
+    answers, study = material.answers, material.study
+    shown = [(f, name) for f in answers.forms for name in scenarios if (f, name) in answers.effects]
+    label, money, units = _units(material, scenarios)
+    low, high = _ends(material, shown, units)
+    span = high - low
+
+    def place(value: float) -> float:
+        return round(100.0 * (value - low) / span, 2)
+
+    decimals = price_places((answers.effects[key], units[key[1]]) for key in shown)
+    rows = []
+    for form in answers.forms:
+        bars = [
+            _bar(material, (form, name), (units[name], decimals), place)
+            for name in scenarios
+            if (form, name) in answers.effects
+        ]
+        note = told_apart(study, form, answers.forms)
+        rows.append(BarRow(form.replace("_", " "), note, tuple(bars)))
+    ticks = [t for t in MaxNLocator(5).tick_values(low, high) if low <= t <= high]
+    step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
+    places = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+    head = (
+        "model form", f"price, {money} per {label}", "line mean (95 %)", "sections, P5 to P95",
+        "interval", "sign",
+    )  # fmt: skip
+    return Bars(
+        caption="What the choice of model moves",
+        head=head,
+        zero=place(0.0),
+        ticks=tuple((place(t), number(t, places)) for t in ticks),
+        rows=tuple(rows),
+        alt=f"Price, {money} per {label}: "
+        + "; ".join(f"{row.title} {bar.label} {bar.cells[0]}" for row in rows for bar in row.bars),
+        note="Dot: mean of the line; bar: its 95 % interval; ring: published. Sign: settled where "
+        "95 % of the sections agree that the interval shortens (cost) or lengthens (saving); open: "
+        "the share that shortens.",
+    )
+
+
+def _units(material: Material, scenarios: list[str]) -> tuple[str, str, dict[str, PriceUnit]]:
+    """What the prices are per, the money they are in, and the unit of each scenario in it."""
+    study, answers = material.study, material.answers
+    units = {name: headline_unit(study, name, material.miles) for name in scenarios}
+    prices = [
+        effect.price.value * units[name].factor
+        for (_, name), effect in answers.effects.items()
+        if name in units and effect.price.value is not None
+    ]
+    money = money_for(currency_of(study), prices)
+    scaled = {n: PriceUnit(u.label, u.factor * money.scale) for n, u in units.items()}
+    return units[scenarios[0]].label, (money.word or money.sign).strip(), scaled
+
+
+def _ends(
+    material: Material, shown: list[tuple[str, str]], units: dict[str, PriceUnit]
+) -> tuple[float, float]:
+    """Ends of the axis: every interval, every published value and zero, with a margin."""
+    values = [0.0]
+    for key in shown:
+        price, name = material.answers.effects[key].price, key[1]
+        ends = price.value, price.lower, price.upper, _published(material, name)
+        values += [v * units[name].factor for v in ends if v is not None]
+    low, high = min(values), max(values)
+    margin = MARGIN * ((high - low) or 1.0)
+    return low - margin, high + margin
+
+
+def _published(material: Material, scenario: str) -> float | None:
+    rows = material.study.reference
+    return next(
+        (r.value for r in rows if (r.metric, r.scenario) == ("marginal_cost", scenario)), None
+    )
+
+
+def _bar(
+    material: Material, key: tuple[str, str], how: tuple[PriceUnit, int | None], place: Place
+) -> Bar:
+    """The bar of form and scenario ``key``, in a unit to so many decimals."""
+    effect, name, (unit, decimals) = material.answers.effects[key], key[1], how
+    ends = [effect.price.lower, effect.price.upper]
+    places = [None if v is None else place(v * unit.factor) for v in ends]
+    if unit.factor < 0.0:
+        places.reverse()
+    middle, published = effect.price.value, _published(material, name)
+    return Bar(
+        cut(name, 12),
+        material.study.scenario_names.index(name),
+        places[0],
+        None if middle is None else place(middle * unit.factor),
+        places[1],
+        None if published is None else place(published * unit.factor),
+        (
+            price_interval(effect, unit, decimals),
+            sections_words(effect, unit, decimals),
+            interval_change(effect),
+            sign_words(effect),
+        ),
+    )

@@ -1,0 +1,177 @@
+"""The answer in sentences: what a change costs or saves, and whether the number may be used."""
+
+from collections.abc import Iterable
+
+from mcsettle.estimate.rounding import decimals, number
+from mcsettle.report.charging import MarginalTrain, PriceUnit, headline_unit, marginal_train
+from mcsettle.report.money import NAMES, about, between, currency_of
+from mcsettle.report.words import cut
+from mcsettle.study.study import Study
+from mcsettle.summary.answers import Answers
+from mcsettle.summary.forms import FormEffect, FormsSummary, Verdict
+
+USE = {"yes": "yes", "as a range": "only as a range", "no": "no"}
+
+
+def question(answers: Answers) -> str:
+    """What the study asks, in a plain sentence."""
+    study, compared = answers.study, list(answers.summaries)
+    economics = study.economics
+    if economics is None or not compared:
+        return "How long until the track must be tamped?"
+    trains = [marginal_train(study, scenario) for scenario in compared]
+    names = {"" if train is None else f"{train.name} " for train in trains}
+    kind = names.pop() if len(names) == 1 else ""
+    if economics.effect == "speed":
+        return f"What does a faster {kind}train cost in tamping?"
+    several = all(train is not None and train.more > 1 for train in trains)
+    more = "do more" if several else "does one more"
+    return f"What {more} {kind}train{'s' if several else ''} a day cost in tamping?"
+
+
+def prices(study: Study) -> str:
+    """Currency and price base year in words."""
+    economics = study.economics
+    if economics is None:
+        return ""
+    code, year = currency_of(study), economics.price_base_year
+    base = f"prices of {year}" if year else "price base year not stated"
+    name = f"{NAMES[code]} ({code})" if code in NAMES else code
+    return f"{name}, {base}"
+
+
+def answer_sentence(
+    answers: Answers, scenario: str, miles: bool = False
+) -> tuple[str, Verdict, str]:
+    """What one scenario costs and between what over the forms; the verdict, and its reason."""
+    study, summary, effect = answers.study, answers.summaries[scenario], answers.effect(scenario)
+    unit, currency = headline_unit(study, scenario, miles), currency_of(study)
+    head = what_changes(study, scenario)
+    if effect is None or effect.price.value is None:
+        text = f"{head}: no price. {_bound(answers, effect, unit)}"
+        return text, "no", summary.reason
+    error = effect.price.standard_error
+    value = effect.price.value * unit.factor
+    amount = about(value, None if error is None else error * abs(unit.factor), currency)
+    verb = "save" if value < 0.0 else "cost"
+    several = " more " in head and " trains a day" in head
+    text = f"{head} {verb}{'' if several else 's'} about {amount} per {unit.label}"
+    spread = over_forms(summary, unit, currency)
+    if spread and summary.verdict == "no":  # the price of one form would be taken for an answer
+        text = f"{head}: {spread}."
+    elif spread:
+        text = f"{text}; {spread}."
+    else:
+        text += "." if len(answers.forms) > 1 else " in one model form."
+    return text, summary.verdict, summary.reason
+
+
+def over_forms(summary: FormsSummary, unit: PriceUnit, currency: str) -> str:
+    """The range of the line means over the forms in words; empty with one form."""
+    n = len(summary.effects)
+    if n < 2 or summary.prices is None:
+        return ""
+    low, high = sorted(price * unit.factor for price in summary.prices)
+    text = between(low, high, currency)
+    alike = text.split("between ")[-1].removeprefix("savings of ").split(" and ")
+    if alike[0] == alike[1].split()[0].lstrip("£€$"):
+        return f"the same in all {n} model forms"
+    per = f" per {unit.label}" if summary.verdict == "no" else ""
+    return f"{text}{per} over {n} model forms"
+
+
+def _bound(answers: Answers, effect: FormEffect | None, unit: PriceUnit) -> str:
+    """What is known where most of the sections outlive the horizon."""
+    if effect is None:
+        return "No pair of sections has a result."
+    currency = currency_of(answers.study)
+    price, years = effect.price, answers.study.limit.horizon_years
+    known = price.n - price.n_censored
+    text = f"Only {known} of {price.n} pairs of sections reach the limit within {years:g} years"
+    if effect.at_most is not None and unit.factor > 0.0:
+        text += (
+            f"; the line's mean is at most {about(effect.at_most * unit.factor, None, currency)}"
+        )
+        text += f" per {unit.label}"
+    wanted = answers.horizon_wanted
+    if wanted is not None and wanted > years:
+        text += f". A horizon of some {number(wanted, 0)} years or more would give one"
+    return f"{text}."
+
+
+def what_changes(study: Study, scenario: str) -> str:
+    """The change of a scenario as the subject of a sentence."""
+    train = marginal_train(study, scenario)
+    if train is None:
+        return f"“{cut(study.scenario(scenario).title or scenario, 80)}”"
+    return _train_words(train)
+
+
+def _train_words(train: MarginalTrain) -> str:
+    if train.base_speed is not None:
+        return f"A {train.name} train at {train.speed:g} instead of {train.base_speed:g} km/h"
+    about_it = f"{train.mass:.0f} t, {train.speed:g} km/h"
+    if train.more == 1:
+        return f"One more {train.name} train a day ({about_it})"
+    return f"{train.more} more {train.name} trains a day ({about_it} each)"
+
+
+def interval_change(effect: FormEffect) -> str:
+    """Change of the interval in per cent: below zero it is shorter."""
+    if effect.reduction is None:
+        return "unknown"
+    change = -effect.reduction
+    return ("+" if change > 0.0 else "") + number(change, 1) + " %"
+
+
+def sections_words(effect: FormEffect, unit: PriceUnit, places: int | None) -> str:
+    """P5 to P95 of the price between single sections; open where the censored ones decide an end."""
+    ends = [
+        None if v is None else v * unit.factor for v in (effect.sections[0], effect.sections[2])
+    ]
+    if unit.factor < 0.0:
+        ends.reverse()
+    places = None if places is None else max(places - 1, 0)
+    low, high = (number(end, places, "open") for end in ends)
+    return low if low == high else f"{low} to {high}"
+
+
+def sign_words(effect: FormEffect) -> str:
+    """Whether the sign is settled, and the share of the sections whose interval shortens.
+
+    The larger share: of those that shorten or of those that lengthen.
+    """
+    low, high = effect.shortens
+    if effect.sign > 0:
+        return f"cost, {_share(low)}"
+    if effect.sign < 0:
+        return f"saving, {_share(1.0 - high)}"
+    return f"open, {_share(low)}" if low == high else f"open, {_share(low)} to {_share(high)}"
+
+
+def _share(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
+
+
+def price_places(effects: Iterable[tuple[FormEffect, PriceUnit]]) -> int | None:
+    """Decimals of a column of prices: two digits of the largest error; None where none is known."""
+    errors = [
+        effect.price.standard_error * abs(unit.factor)
+        for effect, unit in effects
+        if effect.price.standard_error
+    ]
+    return max(0, decimals(max(errors))) if errors else None
+
+
+def price_interval(effect: FormEffect, unit: PriceUnit, places: int | None) -> str:
+    """A line's mean with its 95 % interval; or what bounds it."""
+    price, factor = effect.price, unit.factor
+    if price.value is None:
+        if effect.at_most is None or factor < 0.0:
+            return "no price"
+        return f"at most {number(effect.at_most * factor, None)}"
+    middle = number(price.value * factor, places)
+    if price.lower is None or price.upper is None:
+        return middle
+    low, high = sorted((price.lower * factor, price.upper * factor))
+    return f"{middle} ({number(low, places)} to {number(high, places)})"

@@ -1,0 +1,312 @@
+"""The few numbers that answer a study's question: intervals, line prices, model forms.
+
+From the tables of a run alone, and only what a first page shows; every number of a run is in
+``summary``. Where most of the sections, or of the pairs of sections, are censored there is no number,
+only a bound. With observations the parameter sets count by their weights.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from mcsettle import economics
+from mcsettle.estimate.crossed import crossed_interval_quantile, crossed_mean
+from mcsettle.estimate.estimate import Estimate
+from mcsettle.estimate.resampling import SetWeights, as_interval, plain_weights
+from mcsettle.estimate.sample import interval_quantile, mean
+from mcsettle.study.study import Study
+from mcsettle.summary.forms import FormEffect, FormsSummary, summarise_forms
+from mcsettle.summary.results import Results
+from mcsettle.summary.spread import sets_of
+from mcsettle.summary.summary import cost_exponent, set_weights
+from mcsettle.units import DAYS_PER_YEAR
+
+INTERVAL, CENSORED, SETTLED = "tamping_interval_days", "censored_at_days", "mean_settlement_mm"
+HALF = (0.25, 0.75)  # between which half of the sections lie
+BAND = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True)
+class IntervalAnswer:
+    """Tamping interval of one scenario in one form: its median with its error, and half of the sections.
+
+    ``half`` [P25, P75] days, None beyond the horizon; ``settlement`` the median uniform settlement [mm]
+    at the end.
+    """
+
+    median: Estimate
+    half: tuple[float | None, float | None]
+    settlement: float | None
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What the run says, form by form; keys (form, scenario) and scenario.
+
+    ``form`` is the one whose numbers stand first, ``forms`` are those that are shown and counted.
+    ``horizon_wanted`` [years] is where about half of the sections would have reached their limit; None
+    where they have, or where it cannot be known.
+    """
+
+    study: Study
+    form: str
+    forms: tuple[str, ...]
+    intervals: Mapping[tuple[str, str], IntervalAnswer]
+    effects: Mapping[tuple[str, str], FormEffect]
+    summaries: Mapping[str, FormsSummary]
+    horizon_wanted: float | None = None
+
+    def effect(self, scenario: str) -> FormEffect | None:
+        """The effect of ``scenario`` in the form that stands first; None without one."""
+        return self.effects.get((self.form, scenario))
+
+
+def answers(results: Results, variant: str | None = None) -> Answers:
+    """The answers of a finished run; ``variant`` stands first (None: the first form).
+
+    Raises
+    ------
+    InputError
+        There is no such variant.
+    """
+    study = results.study
+    counted = counted_forms(study)
+    first = study.variant(variant).name if variant else (counted or study.variant_names)[0]
+    forms = (first, *(name for name in counted if name != first))
+    intervals, effects = {}, {}
+    for form in forms:
+        weights = set_weights(results, form)
+        own = results.realisations[results.realisations["variant"] == form]
+        for scenario in study.scenario_names:
+            table = own[(own["scenario"] == scenario) & (own["status"] != "failed")]
+            if table.empty:
+                continue
+            intervals[form, scenario] = _interval(table, weights)
+            effect = _effect(results, form, scenario, own, weights)
+            if effect is not None:
+                effects[form, scenario] = effect
+    compared = dict.fromkeys(scenario for _, scenario in effects)
+    summaries = {
+        scenario: summarise_forms(
+            scenario, [effects[f, scenario] for f in counted if (f, scenario) in effects]
+        )
+        for scenario in compared
+    }
+    wanted = None
+    if any(effect.price.value is None for effect in effects.values()):
+        wanted = _horizon_wanted(results, first)
+    return Answers(study, first, forms, intervals, effects, summaries, wanted)
+
+
+def counted_forms(study: Study) -> tuple[str, ...]:
+    """Variants that are readings of the study's question and calibrated.
+
+    Without any variant marked ``form_of`` all variants are readings.
+    """
+    return tuple(name for name in study.variant_names if is_calibrated(study, name))
+
+
+def is_calibrated(study: Study, variant: str) -> bool:
+    """Whether the settlement factor of ``variant`` was fitted: it is not 1, or it is uncertain."""
+    if variant in study.fitted:
+        return True
+    paths = {path for entry in study.uncertain for path in entry.paths}
+    if paths & {"settlement.settlement_factor", f"variants.{variant}.settlement_factor"}:
+        return True
+    return study.settlement_settings(variant).settlement_factor != 1.0
+
+
+def _interval(table: pd.DataFrame, weights: SetWeights | None) -> IntervalAnswer:
+    """Median with its error and the middle half of one form and scenario without failed rows."""
+    days, ends, settled = _matrices(table, (INTERVAL, CENSORED, SETTLED), table)
+    if len(days) > 1:
+        own = as_interval(weights) if weights is not None else None
+        median = crossed_interval_quantile(days, ends, 0.5, set_weights=own)
+    else:
+        median = interval_quantile(days[0], ends[0], 0.5)
+    times = np.where(np.isnan(days) & ~np.isnan(ends), np.inf, days)
+    low, high = _quantiles(times, HALF, _shares(weights, times))
+    (middle,) = _quantiles(settled, (0.5,), _shares(weights, settled))
+    return IntervalAnswer(median, (low, high), middle)
+
+
+def _effect(
+    results: Results, form: str, scenario: str, own: pd.DataFrame, weights: SetWeights | None
+) -> FormEffect | None:
+    """The paired effect of one form and scenario; None for the baseline and without any pair."""
+    study, change = results.study, results.study.change(scenario)
+    prices = study.priced
+    if change is None or prices is None or results.effects.empty:
+        return None
+    table = results.effects
+    table = table[(table["variant"] == form) & (table["scenario"] == scenario)]
+    table = table[table["status"].isin(["paired", "censored"])]
+    if table.empty:
+        return None
+    pairs = _Pairs.of(own, table, (prices.baseline, scenario))
+    costs, reductions = _matrices(table, ("marginal_cost", "reduction_percent"), own)
+    sizes = _shares(weights, costs)
+    price = _line_mean(costs, pairs, change.unit, results, form, weights)
+    bound = None if pairs.all_known else _at_most(results, scenario, pairs, sizes)
+    (reduction,) = _known_quantiles(reductions, pairs, (0.5,), sizes)
+    low, middle, high = _known_quantiles(costs, pairs, BAND, sizes)
+    return FormEffect(
+        form, price, bound, (low, middle, high), reduction, pairs.shortening(sizes),
+        is_calibrated(study, form),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Intervals of baseline and scenario [E, R] days, NaN where censored or not a pair; ends likewise."""
+
+    base: np.ndarray
+    days: np.ndarray
+    base_end: np.ndarray
+    end: np.ndarray
+    valid: np.ndarray
+
+    @classmethod
+    def of(cls, own: pd.DataFrame, effects: pd.DataFrame, names: tuple[str, str]) -> "_Pairs":
+        """Pairs of the scenarios ``names``; ``effects`` has the valid ones, ``own`` all rows."""
+        (marks,) = _matrices(effects.assign(valid=1.0), ("valid",), own)
+        valid = ~np.isnan(marks)
+        (base, base_end), (days, end) = (
+            _matrices(own[own["scenario"] == name], (INTERVAL, CENSORED), own) for name in names
+        )
+        return cls(*(np.where(valid, a, np.nan) for a in (base, days, base_end, end)), valid)
+
+    @property
+    def known(self) -> np.ndarray:
+        """Both intervals known."""
+        return ~np.isnan(self.base) & ~np.isnan(self.days)
+
+    @property
+    def all_known(self) -> bool:
+        return bool(np.all(self.known == self.valid))
+
+    @property
+    def mostly_known(self) -> bool:
+        return bool(2 * np.sum(self.known) >= np.sum(self.valid))
+
+    def shortening(self, sizes: np.ndarray) -> tuple[float, float]:
+        """Least and largest share of the pairs whose interval shortens."""
+        latest = np.where(np.isnan(self.days), np.inf, self.days)
+        earliest = np.where(np.isnan(self.base), self.base_end, self.base)
+        surely = self.valid & (latest < earliest)
+        shortest = np.where(np.isnan(self.days), self.end, self.days)
+        longest = np.where(np.isnan(self.base), np.inf, self.base)
+        maybe = self.valid & (shortest < longest)
+        total = float(np.sum(sizes[self.valid]))
+        return float(np.sum(sizes[surely])) / total, float(np.sum(sizes[maybe])) / total
+
+
+def _line_mean(
+    costs: np.ndarray,
+    pairs: _Pairs,
+    unit: str,
+    results: Results,
+    form: str,
+    weights: SetWeights | None,
+) -> Estimate:
+    """Mean over the sections: the price of a line; none where most of its pairs are censored."""
+    n, unknown = int(np.sum(pairs.valid)), int(np.sum(pairs.valid & ~pairs.known))
+    if not pairs.mostly_known:
+        note = f"{n - unknown} of {n} pairs reach the limit"
+        return Estimate(None, None, None, None, n, unknown, unit, note)
+    if len(costs) > 1:
+        own = results.realisations[results.realisations["variant"] == form]
+        exponent = cost_exponent(results.study, own)
+        of_sets = None if weights is None else as_interval(weights, exponent)
+        found = crossed_mean(costs, unit, set_weights=of_sets)
+    else:
+        found = mean(costs[~np.isnan(costs)], unit)
+    note = f"over {n - unknown} of {n} pairs" if unknown else ""
+    return Estimate(
+        found.value, found.lower, found.upper, found.standard_error, n, unknown, unit, note
+    )
+
+
+def _at_most(results: Results, scenario: str, pairs: _Pairs, sizes: np.ndarray) -> float | None:
+    """Upper bound of the line's mean: every censored pair at the most it can cost."""
+    total, weight = 0.0, 0.0
+    for e, member in enumerate(results.members[: len(pairs.base)]):
+        change, prices = member.study.change(scenario), member.study.priced
+        if change is None or prices is None:
+            continue
+        money = prices.tamping_cost_gbp_per_track_km, prices.discount_rate
+        arrays = pairs.base[e], pairs.days[e], pairs.base_end[e], pairs.end[e]
+        highest = economics.highest_costs(*arrays, change, *money)
+        valid = pairs.valid[e]
+        total += float(np.sum((sizes[e] * highest)[valid]))
+        weight += float(np.sum(sizes[e][valid]))
+    return total / weight if weight > 0.0 and np.isfinite(total) else None
+
+
+def _shares(weights: SetWeights | None, values: np.ndarray) -> np.ndarray:
+    """Weight [E, R] of every value."""
+    of_sets = plain_weights(weights)
+    column = np.ones(len(values)) if of_sets is None else of_sets[: len(values)]
+    return np.broadcast_to(column[:, None], values.shape)
+
+
+def _quantiles(
+    values: np.ndarray, levels: Sequence[float], sizes: np.ndarray
+) -> list[float | None]:
+    """Weighted quantiles of [E, R] values, NaN left out; None where infinite or without any value.
+
+    Linear between order statistics in one complete sample, else the first value to reach the level.
+    """
+    some = ~np.isnan(values) & (sizes > 0.0)
+    if not np.any(some):
+        return [None for _ in levels]
+    sample, of_sample = values[some], sizes[some]
+    if len(values) == 1 and np.all(np.isfinite(sample)):
+        return [float(value) for value in np.quantile(sample, levels)]
+    found = np.quantile(sample, levels, weights=of_sample, method="inverted_cdf")
+    return [float(value) if np.isfinite(value) else None for value in found]
+
+
+def _known_quantiles(
+    values: np.ndarray, pairs: _Pairs, levels: Sequence[float], sizes: np.ndarray
+) -> list[float | None]:
+    """Quantiles of an effect over the known pairs; None where the censored ones could be anything."""
+    unknown = pairs.valid & np.isnan(values)
+    low, high = (
+        _quantiles(np.where(unknown, end, values), levels, sizes) for end in (-np.inf, np.inf)
+    )
+    if not pairs.mostly_known:
+        return [a if a == b else None for a, b in zip(low, high, strict=True)]
+    known = _quantiles(values, levels, sizes)
+    return [None if a is None or b is None else k for a, b, k in zip(low, high, known, strict=True)]
+
+
+def _matrices(table: pd.DataFrame, columns: Sequence[str], own: pd.DataFrame) -> list[np.ndarray]:
+    """Columns of ``table`` as [E, R] over all sets and tracks of ``own``; NaN where missing."""
+    tracks = np.unique(own["realisation"].to_numpy(dtype=int))
+    wide = table.set_index(["parameter_set", "realisation"])[list(columns)]
+    wide = wide.reindex(pd.MultiIndex.from_product([sets_of(own), tracks]))
+    shape = len(sets_of(own)), len(tracks)
+    return [
+        wide[column].to_numpy(dtype=float, na_value=np.nan).reshape(shape) for column in columns
+    ]
+
+
+def _horizon_wanted(results: Results, form: str) -> float | None:
+    """Years after which about half of the sections would have reached the limit, all scenarios.
+
+    The SD of a censored section is drawn on as a straight line; growth slows down with the cycles, so
+    it takes somewhat longer. None where a section's SD does not grow.
+    """
+    table = results.realisations
+    table = table[(table["variant"] == form) & (table["status"] != "failed")]
+    days = table[INTERVAL].to_numpy(dtype=float, na_value=np.nan)
+    ends = table[CENSORED].to_numpy(dtype=float, na_value=np.nan)
+    start, final = (table[c].to_numpy(dtype=float) for c in ("sd_initial_mm", "sd_final_mm"))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ahead = ends * (results.study.limit.sd_limit_mm - start) / (final - start)
+    times = np.where(np.isnan(days), np.where(final > start, ahead, np.inf), days)
+    worst = pd.Series(times).groupby(table["scenario"].to_numpy()).median().max()
+    return float(worst) / DAYS_PER_YEAR if np.isfinite(worst) else None
