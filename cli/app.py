@@ -151,6 +151,8 @@ def run(
     Several studies run one after the other, each into a folder of its file's name under DIR.
     """
     from mcsettle.cli import run as runs
+    from mcsettle.run.options import RunOptions
+    from mcsettle.run.shards import parse_slice
     from mcsettle.study.study import load_study
 
     with_cache(cache)
@@ -160,19 +162,19 @@ def run(
     together(shards, scheduler, until, max_minutes)
     for study in loaded:
         _warn(study)
-    options: dict[str, Any] = {
-        "realisations": realisations,
-        "parameter_sets": parameter_sets,
-        "seed": seed,
-        "threads": threads,
-        "batch": batch,
-        "exact": exact,
-        "shard_size": shard_size,
-        "take_over": take_over,
-        "progress": Progress(),
-        "processes": cores(),
-    }
-    runs.run_all(loaded, folders, options, until, max_minutes, shards, scheduler)
+    options = RunOptions(
+        realisations=realisations,
+        parameter_sets=parameter_sets,
+        seed=seed,
+        exact=exact,
+        threads=threads,
+        batch=batch,
+        processes=cores(),
+        shards=None if shards is None else parse_slice(shards),
+        shard_size=shard_size,
+        take_over=take_over,
+    )
+    runs.run_all(loaded, folders, options, Progress(), until, max_minutes, scheduler)
 
 
 @app.command()

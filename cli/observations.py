@@ -43,7 +43,7 @@ def read_observations(text: str) -> tuple[Observation, ...]:
                 "must not be negative, SD and error must be positive"
             )
         found.append(Observation(day, sd, error))
-    return tuple(sorted(found, key=lambda o: o.day))
+    return tuple(sorted(found, key=lambda o: o.day or 0.0))
 
 
 def _inline(text: str) -> list[list[str]]:

@@ -1,19 +1,20 @@
 """``mcsettle run``, ``status``, ``gather``: what they call, and what they say."""
 
 import json
-from dataclasses import asdict
-from functools import partial
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from mcsettle.cli.terminal import MISSED, PARTIAL, talk
+from mcsettle import types
+from mcsettle.cli.terminal import MISSED, PARTIAL, Progress, talk
 from mcsettle.errors import InputError
 from mcsettle.storage.files import is_url
 from mcsettle.storage.location import place
 
 if TYPE_CHECKING:
+    from mcsettle.run.options import RunOptions
     from mcsettle.run.pipeline import Finished
     from mcsettle.run.status import Survey
     from mcsettle.study.study import Study
@@ -21,14 +22,12 @@ if TYPE_CHECKING:
 MOST_SHOWN = 10
 
 
-def run_all(
-    studies: list["Study"], folders: list[str], options: dict[str, Any], *rest: Any
-) -> None:
+def run_all(studies: list["Study"], folders: list[str], options: "RunOptions", *rest: Any) -> None:
     """``run`` for each study and folder in turn; exits with the highest of their exit codes."""
     worst = 0
     for study, folder in zip(studies, folders, strict=True):
         try:
-            run(study, folder, dict(options), *rest)
+            run(study, folder, options, *rest)
         except typer.Exit as ended:
             worst = max(worst, ended.exit_code)
     if worst:
@@ -38,43 +37,42 @@ def run_all(
 def run(
     study: "Study",
     out: str,
-    options: dict[str, Any],
+    options: "RunOptions",
+    progress: Progress,
     until: str | None = None,
     max_minutes: float | None = None,
-    part: str | None = None,
     scheduler: str | None = None,
 ) -> None:
     """Run a study or a slice of it; tells how it ended; exits with 3 or 5 where that is due."""
     where: Any = out if is_url(out) else Path(out)
     missed = False
-    if part is not None:
-        from mcsettle.run.shards import parse_slice
-
-        options["shards"] = parse_slice(part)
     # Taichi's import looks at every module there is: it comes before the others.
     import mcsettle.kernels.runtime  # noqa: F401
 
     if scheduler is not None:
-        finished, missed = _by_workers(study, where, scheduler, until, max_minutes, options)
+        finished, missed = _by_workers(
+            study, where, scheduler, until, max_minutes, options, progress
+        )
     elif until is None and max_minutes is None:
+        from mcsettle.cli.plan import tell_plan
         from mcsettle.run.pipeline import run_study
 
-        if part is None and not place(out).exists():
-            _tell_plan(study, options)
-        finished = run_study(study, where, **options)
+        if options.shards is None and not place(out).exists():
+            tell_plan(options.applied_to(study), options.threads, options.batch)
+        finished = run_study(study, where, options, progress)
     else:
         from mcsettle.cli.until import run_in_batches
 
-        finished, missed = run_in_batches(study, where, until, max_minutes, options)
-    for remark in getattr(finished, "remarks", ()):
+        finished, missed = run_in_batches(study, where, until, max_minutes, options, progress)
+    for remark in finished.remarks:
         talk(f"remark: {remark}")
     shown = str(place(out))
-    if getattr(finished, "closed", True):
+    if finished.closed:
         talk(f"Results in {shown}. Next: mcsettle summarise {shown}")
     else:
         done = f"{finished.n_shards} shards, {finished.n_computed} of them computed now"
-        talk(f"Slice {part}: {done}. When all slices are done: mcsettle gather {shown}")
-    tell_failed(getattr(finished, "n_failed", 0))
+        talk(f"Slice {options.shards}: {done}. When all slices are done: mcsettle gather {shown}")
+    tell_failed(finished.n_failed)
     if missed:
         raise typer.Exit(MISSED)
 
@@ -85,31 +83,25 @@ def _by_workers(
     scheduler: str,
     until: str | None,
     max_minutes: float | None,
-    options: dict[str, Any],
+    options: "RunOptions",
+    progress: Progress,
 ) -> tuple["Finished", bool]:
     """A run by Dask workers, at once or in batches; whether it missed its target."""
     from mcsettle.run.distributed import run_distributed, workers
 
     if until is None and max_minutes is None:
-        return run_distributed(study, where, scheduler, tell=talk, **options), False
+        return run_distributed(study, where, scheduler, options, progress, talk), False
     from mcsettle.cli.until import run_in_batches
 
-    with workers(scheduler, options["processes"]) as (address, share):  # the same for all batches
-        options["threads"] = options["threads"] or share
-        run = partial(run_distributed, scheduler=address, tell=talk)
-        return run_in_batches(study, where, until, max_minutes, options, run)
+    with workers(scheduler, options.processes) as (address, share):  # the same for all batches
+        options = replace(options, threads=options.threads or share)
 
+        def run(
+            study: "Study", out: Any, options: "RunOptions", progress: types.Progress | None
+        ) -> "Finished":
+            return run_distributed(study, out, address, options, progress, talk)
 
-def _tell_plan(study: "Study", options: dict[str, Any]) -> None:
-    from mcsettle.cli.plan import tell_plan
-
-    asked = study.with_run(
-        options["realisations"],
-        options["seed"],
-        "every_axle" if options["exact"] else None,
-        options["parameter_sets"],
-    )
-    tell_plan(asked, options["threads"], options["batch"])
+        return run_in_batches(study, where, until, max_minutes, options, progress, run)
 
 
 def tell_failed(n_failed: int) -> None:

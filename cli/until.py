@@ -1,16 +1,16 @@
 """``mcsettle run --until … --max-minutes …``: batches, their convergence table, how it ended."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import typer
 
 from mcsettle.cli.spread import batch_line
 from mcsettle.cli.terminal import talk
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import Finished, run_study
-from mcsettle.run.stopping import Batch, parse_target, run_until
+from mcsettle.run.stopping import Batch, Run, parse_target, run_until
 from mcsettle.study.study import Study
+from mcsettle.types import Progress
 
 
 def run_in_batches(
@@ -18,8 +18,9 @@ def run_in_batches(
     out: Path,
     until: str | None,
     max_minutes: float | None,
-    options: dict[str, Any],
-    run: Callable[..., Finished] = run_study,
+    options: RunOptions,
+    progress: Progress | None = None,
+    run: Run = run_study,
 ) -> tuple[Finished, bool]:
     """Run until the target or the time; prints the table; returns the run and whether it missed.
 
@@ -30,7 +31,7 @@ def run_in_batches(
     def tell(batch: Batch) -> None:
         typer.echo(batch_line(batch, target))
 
-    stopped = run_until(study, out, target, max_minutes, tell=tell, run=run, **options)
+    stopped = run_until(study, out, target, max_minutes, options, progress, tell=tell, run=run)
     last = stopped.batches[-1].realisations
     if target is not None and stopped.met:
         talk(f"Target met with {last} realisations.")

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.fft
 
 from mcsettle.railway.irregularity import sample_profiles, wavenumbers
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.spectra import spectrum
 from mcsettle.railway.track import TOY_TRACK
 from mcsettle.railway.traffic import Train
@@ -16,7 +17,7 @@ from mcsettle.step_a.beam import beam_response
 from mcsettle.step_a.interaction import precompute
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b import passage
-from mcsettle.step_b.settlement import SettlementModel, cycle_increment, strain_scale
+from mcsettle.step_b.settlement import cycle_increment, strain_scale
 from mcsettle.step_b.spectral import ModePairs, axle_form, growth, mode_pairs, tables, train_form
 from mcsettle.step_b.stress import DEVIATOR, mean_state
 from mcsettle.units import KMH

@@ -29,13 +29,13 @@ from baselines import (
 )
 
 from mcsettle.kernels import runtime
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.traffic import Service, Timetable, Train
 from mcsettle.railway.vehicle import PASSENGER
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.case import Case
 from mcsettle.step_b.cycles import update_weights
 from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
-from mcsettle.step_b.settlement import SettlementModel
 from mcsettle.step_b.stepwise import day_loads, pointwise_day_loads
 from mcsettle.units import KMH
 

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from mcsettle.run.scenario import build_case, initial_profiles
-from mcsettle.run.transfers import step_a
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import build_case
 from mcsettle.step_b.engine import engine_for
 from mcsettle.study.study import Study
 
@@ -88,11 +88,11 @@ def levers(total_factor: float, long_window: bool) -> Iterator[tuple[str, Callab
 
 def reductions(study: Study, realisations: int) -> dict[str, np.ndarray]:
     """Reduction of the tamping interval [%] of C and D in every realisation that knows both."""
-    prepared = step_a(study)
-    profiles = initial_profiles(study, range(realisations))
+    prepared = step_a(study.scenes)
+    profiles = study.initial_profiles().sample(range(realisations))
     days = {}
     for scenario in ("A", "C", "D"):
-        case = build_case(study, prepared, study.variant_names[0], scenario)
+        case = build_case(study.scene(study.variant_names[0], scenario), prepared)
         days[scenario] = engine_for(case).run(profiles, np.zeros(0)).days
     found = {s: 100.0 * (1.0 - days[s] / days["A"]) for s in ("C", "D")}
     return {s: values[np.isfinite(values)] for s, values in found.items()}

@@ -16,17 +16,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.track import SectionTrack
-from mcsettle.run.scenario import initial_profiles
-from mcsettle.run.transfers import section_settings
 from mcsettle.step_a.fem25d import Settings, section_response
 from mcsettle.step_a.interaction import precompute
 from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_a.transfers import section_settings
 from mcsettle.step_b.passage import mode_numbers
-from mcsettle.step_b.settlement import SettlementModel, cycle_rate
+from mcsettle.step_b.settlement import cycle_rate
 from mcsettle.step_b.spectral import growth, mode_pairs, train_form
 from mcsettle.study.parameter_sets import all_sets
-from mcsettle.study.study import Study, load_study, study_wavenumbers
+from mcsettle.study.study import Study, load_study
 
 TRACKS = range(64)
 REFERENCE = 1e-3  # tolerance of the bases
@@ -60,7 +60,7 @@ def _compared(study: Study) -> tuple[int, int, float, float, float, float, float
     assert isinstance(track, SectionTrack)
     depth = study.settlement_settings(variant).integration_depth_m
     service = study.timetable(scenario).services[0]
-    own = section_settings(study, own=True)
+    own = section_settings(study.scenes, many_grounds=True)
     assert own is not None
     fine = Settings(tolerance=REFERENCE, max_solves=90)
     narrow = replace(fine, max_speed=own.max_speed, max_omega=own.max_omega)
@@ -70,7 +70,7 @@ def _compared(study: Study) -> tuple[int, int, float, float, float, float, float
         response = section_response(track, depth, settings, use_cache=False)
         spent.append(time.process_time() - start)
         solves.append(response.solves)
-        modes = study_wavenumbers(study)
+        modes = study.wavenumbers
         transfers.append(precompute(service.train, service.speed, response, modes))
     model = study.settlement_settings(variant).model(track)
     rates = [_rates(study, transfer, model) for transfer in transfers]
@@ -93,7 +93,7 @@ def _difference(found: np.ndarray, exact: np.ndarray) -> float:
 
 def _rates(study: Study, transfer: TransferFunctions, model: SettlementModel) -> np.ndarray:
     """Growth of each track's variance [R] under the first train, relative to the variance."""
-    profiles = initial_profiles(study, TRACKS)
+    profiles = study.initial_profiles().sample(TRACKS)
     pairs = mode_pairs(mode_numbers(transfer.wavenumbers, study.profile.window_m))
     form = train_form(transfer, model, pairs)
     cycles = [cycle_rate(law, model.cycles_before(law)) for law in model.group_laws]

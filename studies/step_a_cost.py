@@ -20,7 +20,7 @@ from mcsettle.step_a.fem25d.reduced_basis import output_error
 from mcsettle.step_a.fem25d.solve import outputs, solve
 from mcsettle.step_a.fem25d.track_section import track_section
 from mcsettle.step_a.interaction import precompute
-from mcsettle.study.study import load_study, study_wavenumbers
+from mcsettle.study.study import load_study
 
 SEED = 7_310_229
 SHARES = (0.5, 0.9, 0.99, 1.0)
@@ -33,7 +33,7 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=220, help="direct solutions")
     arguments = parser.parse_args()
     study, settings = load_study(arguments.study), Settings()
-    track, modes = study.track(study.variant_names[0]), study_wavenumbers(study)
+    track, modes = study.track(study.variant_names[0]), study.wavenumbers
     depth = study.settlement_settings(study.variant_names[0]).integration_depth_m
     service = study.timetable(study.scenario_names[0]).services[0]
     start = time.process_time()

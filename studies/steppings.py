@@ -14,9 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mcsettle.run.scenario import build_case, initial_profiles
-from mcsettle.run.transfers import step_a
-from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import Case, Outcome, build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.engine import engine_for
 from mcsettle.step_b.stepwise import March, MarchState
@@ -45,9 +44,9 @@ def outcome_of(stepping: str, out: Path, n: int) -> dict[str, np.ndarray]:
     path = out / f"{stepping}-{n}.npz"
     if not path.exists():
         study = load_study(STUDY)
-        case = build_case(study, step_a(study), VARIANT, SCENARIO)
+        case = build_case(study.scene(VARIANT, SCENARIO), step_a(study.scenes))
         saved = Saved(out / f"{stepping}-{n}.part.npz")
-        outcome = run(case, stepping, initial_profiles(study, range(n), VARIANT), saved)
+        outcome = run(case, stepping, study.initial_profiles(VARIANT).sample(range(n)), saved)
         wall, cpu = saved.spent()
         np.savez(path, days=outcome.days, passages=outcome.passages, sd=outcome.sd_final,
                  reached=outcome.reached, wall=wall, cpu=cpu)  # fmt: skip

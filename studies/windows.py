@@ -13,6 +13,7 @@ import numpy as np
 
 from mcsettle.kernels import lanes, runtime
 from mcsettle.railway.irregularity import sample_profiles, wavenumbers
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.spectra import spectrum
 from mcsettle.railway.track import TOY_TRACK
 from mcsettle.railway.traffic import Train
@@ -21,7 +22,7 @@ from mcsettle.step_a.beam import beam_response
 from mcsettle.step_a.interaction import precompute
 from mcsettle.step_b.passage import mode_numbers
 from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
-from mcsettle.step_b.settlement import SettlementModel, cycle_increment
+from mcsettle.step_b.settlement import cycle_increment
 from mcsettle.step_b.spectral import axle_form, mode_pairs, tables
 from mcsettle.units import KMH
 

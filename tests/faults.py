@@ -27,8 +27,8 @@ import pyarrow.dataset  # noqa: F401
 import mcsettle.run.close
 import mcsettle.run.pipeline
 from mcsettle.kernels import runtime, spectral  # noqa: F401
-from mcsettle.run import transfers
-from mcsettle.step_a import track_response
+from mcsettle.run.options import RunOptions
+from mcsettle.step_a import track_response, transfers
 from mcsettle.storage import files
 from mcsettle.study.study import load_study
 
@@ -64,7 +64,7 @@ def child(study: Path, out: Path, nth: int = 0, where: str = "") -> int:
     try:
         if nth:
             die_in_write(nth, where)
-        mcsettle.run.pipeline.run_study(load_study(study), out, threads=1, shard_size=2)
+        mcsettle.run.pipeline.run_study(load_study(study), out, RunOptions(threads=1, shard_size=2))
         code = 0
     finally:
         os._exit(code)
@@ -88,7 +88,7 @@ def main() -> None:
     study, out, kills, seed = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
     rng, told = random.Random(seed), Counter[str]()
     track_response.beam_response = functools.cache(track_response.beam_response)
-    transfers.step_a(load_study(study))
+    transfers.step_a(load_study(study).scenes)
     began = time.monotonic()
     os.waitpid(child(study, out.with_name("probe")), 0)
     longest = 1.2 * (time.monotonic() - began)  # of a whole run, on this machine as it is now

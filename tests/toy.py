@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from mcsettle.railway.irregularity import default_section, sample_profiles, wavenumbers
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.spectra import spectrum
 from mcsettle.railway.track import TOY_TRACK, PowerLaw
 from mcsettle.railway.traffic import Service, Timetable, Train
@@ -21,7 +22,6 @@ from mcsettle.step_a.beam import beam_response
 from mcsettle.step_a.interaction import precompute
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.case import Case
-from mcsettle.step_b.settlement import SettlementModel
 from mcsettle.storage import store
 from mcsettle.study.study import Study
 from mcsettle.units import KMH

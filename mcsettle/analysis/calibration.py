@@ -14,9 +14,8 @@ from mcsettle.errors import InputError, NumericalError
 from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.sample import interval_quantile
 from mcsettle.run.factor_digest import transfer_identity
-from mcsettle.run.scenario import build_case, initial_profiles
-from mcsettle.run.transfers import step_a
-from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import Case, Outcome, build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
@@ -75,10 +74,11 @@ def calibrate(
             f"the target is {median_days:g} days; it must lie between 0 and the horizon of "
             f"{study.limit.horizon_days:g} days ([limit] horizon_years)"
         )
-    prepared = step_a(study, progress, processes)
-    case = build_case(study, prepared, variant, scenario)
+    prepared = step_a(study.scenes, progress, processes)
+    scene = study.scene(variant, scenario)
+    case = build_case(scene, prepared)
     case = replace(case, model=replace(case.model, settlement_factor=1.0))
-    profiles = initial_profiles(study, range(study.run.realisations), variant)
+    profiles = scene.profiles.sample(range(study.run.realisations))
     search = Search(case, profiles, progress)
     factor, low, high, outcome = search.interval(median_days)
     median = _median(outcome, case.horizon)
@@ -100,7 +100,7 @@ def calibrate(
         mean_settlement_mm=float(np.median(outcome.mean_settlement[~outcome.failed])) * 1e3,
         evaluations=search.evaluations,
         transfer_digest=prepared.digest,
-        factor_digest=transfer_identity(study, variant, scenario),
+        factor_digest=transfer_identity(scene, study.scenes),
     )
 
 

@@ -71,7 +71,7 @@ def forecast(
             "leave at least one to fit to"
         )
     name = variant or study.variant_names[0]
-    rows = tuple(sorted(observations, key=lambda o: o.day))
+    rows = tuple(sorted(observations, key=lambda o: o.day or 0.0))
     fitted = Ensemble(study, scenario, name, rows[:-hold_out], progress, processes)
     logs, weights, _ = posterior_grid(fitted, least_squares(fitted), FIRST_REACH)
     if logs[0] < np.log(LOWEST) or logs[-1] > np.log(HIGHEST):
@@ -87,7 +87,7 @@ def forecast(
     shares = percentiles(sd, weights, errors, observed)
     return [
         Prediction(
-            row.day,
+            row.day or 0.0,
             tuple(float(q) / MM for q in bands[place]),
             row.value,
             place >= len(rows) - hold_out,

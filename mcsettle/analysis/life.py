@@ -24,9 +24,8 @@ from mcsettle.railway.irregularity import (
     standard_deviation,
     wavenumbers,
 )
-from mcsettle.run.scenario import build_case, initial_profiles
-from mcsettle.run.transfers import step_a
-from mcsettle.step_b.case import Case
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import Case, build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.schema.economics import MaintenanceTable
 from mcsettle.study.study import Study
@@ -74,13 +73,13 @@ def lives(
         raise InputError("tamping again and again needs the tables [maintenance] and [economics]")
     if study.uncertain:
         raise InputError("[maintenance] takes central values; leave [[uncertain]] inputs out")
-    prepared = step_a(study, progress, processes)
+    prepared = step_a(study.scenes, progress, processes)
     indices = range(realisations or study.run.realisations)
     found = []
     for variant in study.variant_names:
         own: dict[str, tuple[Sequence, np.ndarray]] = {}
         for scenario in study.scenario_names:
-            case = build_case(study, prepared, variant, scenario)
+            case = build_case(study.scene(variant, scenario), prepared)
             own[scenario] = tampings(study, case, table, indices, f"{variant} {scenario}", progress)
         found += [_priced(study, variant, scenario, own) for scenario in study.scenario_names]
     return found
@@ -95,7 +94,7 @@ def tampings(
     progress: Progress | None = None,
 ) -> tuple[Sequence, np.ndarray]:
     """Tampings of the realisations ``indices`` after one at day 0, and the SD [R, C] m after each."""
-    start = initial_profiles(study, indices)
+    start = study.initial_profiles().sample(indices)
     recovery = recovery_of(table)
     later = case
     if table.ballast_cycles_after is not None:
@@ -175,7 +174,7 @@ def _tamped(
 
 def _typical(study: Study) -> np.ndarray:
     """Root mean square amplitude [K] m of the study's first tracks, by mode."""
-    profiles = initial_profiles(study, range(min(64, study.run.realisations)))
+    profiles = study.initial_profiles().sample(range(min(64, study.run.realisations)))
     return np.asarray(np.sqrt(np.mean(np.abs(profiles) ** 2, axis=0)))
 
 

@@ -14,9 +14,8 @@ from scipy.optimize import minimize_scalar
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.observation import Observation
-from mcsettle.run.scenario import build_case, initial_profiles
-from mcsettle.run.transfers import step_a
-from mcsettle.step_b.case import Case
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import Case, build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
@@ -108,10 +107,10 @@ class Ensemble:
         progress: Progress | None,
         processes: int,
     ) -> None:
-        prepared = step_a(study, progress, processes)
-        case: Case = build_case(study, prepared, variant, scenario)
-        self.days = np.unique([o.day for o in observations])
-        self.place = np.searchsorted(self.days, [o.day for o in observations])
+        prepared = step_a(study.scenes, progress, processes)
+        case: Case = build_case(study.scene(variant, scenario), prepared)
+        observed = [observation.day or 0.0 for observation in observations]
+        self.days, self.place = np.unique(observed, return_inverse=True)
         self.sd = np.array([o.value for o in observations]) * MM
         self.error = np.array([o.error for o in observations]) * MM
         horizon = float(max(self.days[-1] * 1.001, 1.0))
@@ -119,7 +118,7 @@ class Ensemble:
         limit = max(case.sd_limit, float(np.max(self.sd + FAR * self.error)))
         self.case = replace(case, model=model, horizon=horizon, sd_limit=limit)
         self.machine = CycleJump(self.case)
-        self.profiles = initial_profiles(study, range(study.run.realisations), variant)
+        self.profiles = study.initial_profiles(variant).sample(range(study.run.realisations))
         self.progress, self.done = progress, 0
 
     def on(self, logs: np.ndarray) -> np.ndarray:

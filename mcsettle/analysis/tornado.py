@@ -10,9 +10,9 @@ import numpy as np
 
 from mcsettle import economics
 from mcsettle.estimate.sample import effect_quantile, interval_quantile
-from mcsettle.run.scenario import build_case, initial_profiles, step_b_key
-from mcsettle.run.transfers import Shelf, step_a
-from mcsettle.step_b.case import Outcome
+from mcsettle.run.transfer_store import transfer_store
+from mcsettle.step_a.transfers import TransferStore, step_a
+from mcsettle.step_b.case import Outcome, build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
@@ -64,9 +64,9 @@ def tornado(
     progress, processes : as for ``run_study``
     """
     variant = variant or study.variant_names[0]
-    shelf = Shelf.of(study)
+    shared_transfers = transfer_store(study)
     runs: dict[str, Outcome] = {}
-    medians = _medians(study, variant, realisations, shelf, runs, processes)
+    medians = _medians(study, variant, realisations, shared_transfers, runs, processes)
     bars: list[Bar] = []
     for place, entry in enumerate(study.uncertain):
         if progress is not None:
@@ -75,7 +75,7 @@ def tornado(
         ends = []
         for value in (low, high):
             member = study.with_inputs(dict.fromkeys(entry.paths, value))
-            ends.append(_medians(member, variant, realisations, shelf, runs, processes))
+            ends.append(_medians(member, variant, realisations, shared_transfers, runs, processes))
         for key, (unit, central) in medians.items():
             at = [end[key][1] for end in ends]
             bars.append(Bar(*key, unit, entry.input, low, high, at[0], at[1], central))
@@ -87,7 +87,7 @@ def _medians(
     study: Study,
     variant: str,
     realisations: int,
-    shelf: Shelf,
+    shared_transfers: TransferStore,
     runs: dict[str, Outcome],
     processes: int,
 ) -> dict[tuple[str, str], tuple[str, float | None]]:
@@ -95,11 +95,11 @@ def _medians(
     outcomes = {}
     prepared = None
     for scenario in study.scenario_names:
-        key = step_b_key(study, variant, scenario)
+        key = study.step_b_key(variant, scenario)
         if key not in runs:
-            prepared = prepared or step_a(study, None, processes, shelf)
-            case = build_case(study, prepared, variant, scenario)
-            profiles = initial_profiles(study, range(realisations), variant)
+            prepared = prepared or step_a(study.scenes, None, processes, shared_transfers)
+            case = build_case(study.scene(variant, scenario), prepared)
+            profiles = study.initial_profiles(variant).sample(range(realisations))
             runs[key] = CycleJump(case).run(profiles, np.zeros(0))
         outcomes[scenario] = runs[key]
     found: dict[tuple[str, str], tuple[str, float | None]] = {}

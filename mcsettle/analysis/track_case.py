@@ -29,13 +29,14 @@ from mcsettle.analysis.table4 import (
 )
 from mcsettle.railway.irregularity import default_section, sample_profiles
 from mcsettle.railway.record_sections import sections_spectrum
+from mcsettle.railway.softening_choices import Softened
 from mcsettle.railway.spectra import Spectrum, spectrum
 from mcsettle.railway.track import Track, depth_below_subgrade
 from mcsettle.railway.traffic import Service
-from mcsettle.run.transfers import StepA, section_settings, softened_by, step_a
-from mcsettle.step_a.track_response import Softened, track_response
+from mcsettle.step_a.track_response import track_response
 from mcsettle.step_a.transfer import TrackResponse, TransferFunctions
-from mcsettle.study.study import Study, study_wavenumbers
+from mcsettle.step_a.transfers import StepA, section_settings, step_a
+from mcsettle.study.study import Study
 from mcsettle.types import Progress
 from mcsettle.units import KMH
 
@@ -112,7 +113,7 @@ def track_cases(
 
     ``processes`` > 1 spawns processes, so the calling program needs a main guard.
     """
-    prepared = step_a(study, progress, processes)
+    prepared = step_a(study.scenes, progress, processes)
     distinct: dict[tuple[str, ...], TrackCase] = {}
     for variant in study.variant_names:
         groups = [prepared.transfers[variant, scenario] for scenario in study.scenario_names]
@@ -130,18 +131,18 @@ def track_case(study: Study, progress: Progress | None = None, processes: int = 
 def _case(
     study: Study, variant: str, prepared: StepA, progress: Progress | None, processes: int
 ) -> TrackCase:
-    track = study.track(variant)
     responses: dict[Softened | None, TrackResponse] = {}
     runs: dict[str, Run] = {}
     for scenario in study.scenario_names:
-        services = study.timetable(scenario).services
-        for service, transfer in zip(services, prepared.transfers[variant, scenario], strict=True):
-            ground = softened_by(study, variant, service)
+        scene = study.scene(variant, scenario)
+        transfers = prepared.transfers[variant, scenario]
+        for service, transfer in zip(scene.timetable.services, transfers, strict=True):
+            ground = scene.softened(service)
             if ground not in responses:
                 responses[ground] = response_under(study, variant, service, progress, processes)
             run = Run(scenario, service, transfer, responses[ground], ground)
             runs.setdefault(transfer.digest, run)
-    return TrackCase(study, variant, track, study_wavenumbers(study), tuple(runs.values()))
+    return TrackCase(study, variant, study.track(variant), study.wavenumbers, tuple(runs.values()))
 
 
 def response_under(
@@ -152,10 +153,12 @@ def response_under(
     processes: int = 1,
 ) -> TrackResponse:
     """Response of a variant's track with the ground that ``service`` makes for itself."""
-    depth = study.settlement_settings(variant).integration_depth_m
-    softened = softened_by(study, variant, service)
-    settings = section_settings(study, softened)
-    return track_response(study.track(variant), depth, progress, processes, softened, settings)
+    scene = study.scene(variant, study.scenario_names[0])
+    softened = scene.softened(service)
+    settings = section_settings(study.scenes, softened)
+    return track_response(
+        scene.track, scene.integration_depth, progress, processes, softened, settings
+    )
 
 
 def table4(case: TrackCase, report: Callable[[int, int], None] | None = None) -> list[Increase]:

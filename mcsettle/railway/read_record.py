@@ -136,9 +136,8 @@ class _Reading:
         if other is not None:
             return with_minor(self.numbers(name), self.numbers(other), unit)
         if unit in NOTATIONS:
-            if isinstance(column, np.ndarray):
-                column = _as_texts(column)
-            values, wrong = positions(column, unit)
+            given = _as_texts(column) if isinstance(column, np.ndarray) else column
+            values, wrong = positions(given, unit)
             if np.any(wrong):
                 texts, lines = self.cells.at(name, wrong)
                 self.faults.append(notation_fault(name, texts, lines, unit))

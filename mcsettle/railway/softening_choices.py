@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from mcsettle.railway.modulus_curves import Curve
 from mcsettle.railway.track import SectionTrack
+from mcsettle.railway.traffic import Train
 
 OCTAHEDRAL = {"third": 1.0 / 3.0, "engineering": 2.0 / 3.0}
 EMBANKMENT_CURVE = Curve("ishibashi_zhang", plasticity_index=0.0)
@@ -57,3 +58,15 @@ class SofteningSettings:
             named.get(layer.name, GROUND_CURVE if layer.width is None else EMBANKMENT_CURVE)
             for layer in track.layers
         )
+
+
+@dataclass(frozen=True)
+class Softened:
+    """What softens a ground: one train at one speed [m/s], by these choices.
+
+    In mixed traffic every service has a ground of its own: moduli are those of its own passage.
+    """
+
+    train: Train
+    speed: float
+    settings: SofteningSettings

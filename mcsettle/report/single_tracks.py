@@ -11,11 +11,9 @@ import numpy as np
 from mcsettle.railway.irregularity import to_space
 from mcsettle.report.figures.results import MixedDays, Profile
 from mcsettle.report.material import Material
-from mcsettle.run.scenario import build_case, initial_profiles
-from mcsettle.run.transfers import StepA, step_a
+from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.step_b import engine
-from mcsettle.step_b.case import Case
-from mcsettle.study.study import study_wavenumbers
+from mcsettle.step_b.case import Case, build_case
 from mcsettle.units import MM
 
 TRACK = 0  # the realisation that the pictures follow
@@ -25,18 +23,18 @@ MOST_PANELS = 6
 
 def prepared_step_a(material: Material) -> StepA:
     """Transfer functions of the study, from the cache."""
-    return step_a(material.study)
+    return step_a(material.study.scenes)
 
 
 def profiles_at_limit(material: Material, prepared: StepA) -> list[Profile]:
     """The track ``TRACK`` before traffic and when it ends, in each scenario of the answer's variant."""
     study = material.study
-    amplitudes = initial_profiles(study, range(TRACK, TRACK + 1), material.variant)
-    modes = study_wavenumbers(study)
+    amplitudes = study.initial_profiles(material.variant).sample(range(TRACK, TRACK + 1))
+    modes = study.wavenumbers
     x = np.linspace(0.0, min(study.profile.window_m, 200.0), 801)
     found = []
     for scenario in study.scenario_names[:MOST_PANELS]:
-        case = build_case(study, prepared, material.variant, scenario)
+        case = build_case(study.scene(material.variant, scenario), prepared)
         outcome = engine.engine_for(case).run(amplitudes, np.zeros(0))
         if outcome.failed[0]:
             continue
@@ -64,9 +62,9 @@ def mixed_days(material: Material, scenario: str, prepared: StepA) -> MixedDays 
     if study.profile.window_m >= 400.0:
         return None
     last = MIXED_FROM + MIXED_DAYS
-    case = replace(build_case(study, prepared, material.variant, scenario), horizon=last)
+    case = replace(build_case(study.scene(material.variant, scenario), prepared), horizon=last)
     days = np.linspace(MIXED_FROM, last, MIXED_POINTS + 1)
-    amplitudes = initial_profiles(study, range(TRACK, TRACK + 1), material.variant)
+    amplitudes = study.initial_profiles(material.variant).sample(range(TRACK, TRACK + 1))
     outcome = engine.engine_for(case, "every_axle").run(amplitudes, days)
     sd = outcome.history[0] / MM
     if outcome.failed[0] or np.isnan(sd).any():

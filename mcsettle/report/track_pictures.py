@@ -18,6 +18,7 @@ from mcsettle.analysis.stress_under_train import (
 from mcsettle.analysis.table4 import DEFINITIONS, Increase
 from mcsettle.analysis.track_case import TrackCase, layer_tops, response_under, surface_layer
 from mcsettle.analysis.track_summary import Row
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.spectra import spectrum
 from mcsettle.railway.track import TOY_TRACK, SectionTrack, depth_below_subgrade
 from mcsettle.railway.traffic import Service, Train
@@ -34,12 +35,10 @@ from mcsettle.report.figures.slice import DeflectionSlice, deflection_slice, sli
 from mcsettle.report.figures.stress import along_figure, depth_figure, table4_figure
 from mcsettle.report.figures.style import save
 from mcsettle.report.figures.vehicles import MODELS, VehiclePeaks, vehicle_peaks, vehicles_figure
-from mcsettle.run.scenario import initial_profiles
 from mcsettle.step_a.fem25d import SectionResponse
 from mcsettle.step_a.fem25d.centreline_field import CentrelineField
 from mcsettle.step_a.fem25d.track_section import track_grid
 from mcsettle.step_a.interaction import precompute
-from mcsettle.step_b.settlement import SettlementModel
 from mcsettle.storage.files import write_file
 from mcsettle.types import Progress
 from mcsettle.units import KMH, KPA
@@ -221,7 +220,7 @@ def slice_view(case: TrackCase) -> DeflectionSlice:
         service.train,
         service.speed,
         case.wavenumbers,
-        initial_profiles(study, range(1), case.variant)[0],
+        study.initial_profiles(case.variant).sample(range(1))[0],
         study.profile.window_m / 2.0,
         study.track_table.hertz_stiffness_n_per_m,
     )

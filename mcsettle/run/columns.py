@@ -7,12 +7,10 @@ import numpy as np
 
 from mcsettle import economics
 from mcsettle.estimate.conditioning import Conditioning
-from mcsettle.railway.traffic import Timetable
-from mcsettle.run.scenario import sample_days
+from mcsettle.railway.scene import Scene
 from mcsettle.step_b.case import Outcome
 from mcsettle.storage.tables import input_column, unit_of
 from mcsettle.study.parameter_sets import ParameterSet
-from mcsettle.study.study import Study
 from mcsettle.summary.summary import SummaryRow
 from mcsettle.units import DAYS_PER_YEAR, MGT, MM
 
@@ -20,21 +18,16 @@ FAILURE = "the profile overflowed or the step collapsed"
 
 
 def realisation_columns(
-    member: ParameterSet,
-    variant: str,
-    scenario: str,
-    indices: range,
-    timetable: Timetable,
-    outcome: Outcome,
+    member: ParameterSet, scene: Scene, indices: range, outcome: Outcome
 ) -> dict[str, Any]:
     """Columns of the ``realisations`` table for one batch, the drawn inputs last."""
-    study, n = member.study, len(outcome.days)
+    timetable, n = scene.timetable, len(outcome.days)
     reached, failed = outcome.reached, outcome.failed
     days_run = outcome.passages / timetable.passages_per_day
-    horizon = np.where(reached | failed, np.nan, study.limit.horizon_days)
+    horizon = np.where(reached | failed, np.nan, scene.horizon)
     columns = {
-        "variant": [variant] * n,
-        "scenario": [scenario] * n,
+        "variant": [scene.variant] * n,
+        "scenario": [scene.scenario] * n,
         "parameter_set": np.full(n, member.index, np.int32),
         "realisation": np.arange(indices.start, indices.stop),
         "status": np.where(failed, "failed", np.where(reached, "reached", "censored")).tolist(),
@@ -45,7 +38,7 @@ def realisation_columns(
         "sd_initial_mm": outcome.sd_initial / MM,
         "sd_final_mm": outcome.sd_final / MM,
         "mean_settlement_mm": outcome.mean_settlement / MM,
-        "sd_growth_1y_mm": nullable(_growth_in_a_year(study, outcome) / MM),
+        "sd_growth_1y_mm": nullable(_growth_in_a_year(scene, outcome) / MM),
         "failure": [FAILURE if f else None for f in failed],
     }
     return columns | input_columns(member, n)
@@ -57,12 +50,11 @@ def input_columns(member: ParameterSet, n: int) -> dict[str, np.ndarray]:
 
 
 def history_columns(
-    member: ParameterSet, variant: str, scenario: str, indices: range, outcome: Outcome
+    member: ParameterSet, scene: Scene, indices: range, outcome: Outcome
 ) -> dict[str, Any]:
     """Columns of the ``history`` table: SD at the sample days before the end, and at the end."""
-    study = member.study
-    days = np.broadcast_to(sample_days(study), outcome.history.shape)
-    end = np.where(outcome.reached, outcome.days, study.limit.horizon_days)
+    days = np.broadcast_to(scene.sample_days, outcome.history.shape)
+    end = np.where(outcome.reached, outcome.days, scene.horizon)
     days = np.column_stack([days, end])
     # A track at its limit before any traffic has its end among the samples already.
     ended = outcome.reached & (outcome.days > 0.0)
@@ -70,8 +62,8 @@ def history_columns(
     row, column = np.nonzero(np.isfinite(sd))
     n = len(row)
     return {
-        "variant": [variant] * n,
-        "scenario": [scenario] * n,
+        "variant": [scene.variant] * n,
+        "scenario": [scene.scenario] * n,
         "parameter_set": np.full(n, member.index, np.int32),
         "realisation": row + indices.start,
         "day": days[row, column],
@@ -137,10 +129,10 @@ def nullable(values: np.ndarray) -> list[float | None]:
     return [None if np.isnan(v) else float(v) for v in values]
 
 
-def _growth_in_a_year(study: Study, outcome: Outcome) -> np.ndarray:
-    if study.limit.horizon_days < DAYS_PER_YEAR:
+def _growth_in_a_year(scene: Scene, outcome: Outcome) -> np.ndarray:
+    if scene.horizon < DAYS_PER_YEAR:
         return np.full(len(outcome.days), np.nan)
-    year = int(np.flatnonzero(sample_days(study) == DAYS_PER_YEAR)[0])
+    year = int(np.flatnonzero(scene.sample_days == DAYS_PER_YEAR)[0])
     return np.asarray(outcome.history[:, year] - outcome.sd_initial)
 
 

@@ -17,17 +17,18 @@ from typing import Any
 import numpy as np
 
 from mcsettle.errors import InputError, NumericalError
-from mcsettle.run import columns as rows
-from mcsettle.run.scenario import build_case, initial_profiles, sample_days, step_b_key
+from mcsettle.railway.scene import Scene
+from mcsettle.run import columns
+from mcsettle.run.options import RunOptions
+from mcsettle.run.prefetch import Prefetch
 from mcsettle.run.shards import Shard
-from mcsettle.run.transfers import Shelf, StepA, step_a
-from mcsettle.run.transfers_ahead import Ahead
-from mcsettle.step_b import engine, expansion_error
-from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_a.transfers import StepA, TransferStore, step_a
+from mcsettle.step_b import expansion_error
+from mcsettle.step_b.case import Case, Outcome, build_case
 from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.step_b.engine import Engine, engine_for, foreseen_passages
 from mcsettle.step_b.pointwise import LARGEST_EXPONENT
 from mcsettle.step_b.sd_map import roughness
-from mcsettle.step_b.stepwise import Stepwise
 from mcsettle.storage import shard_record, store
 from mcsettle.storage.files import inside, refuse_link
 from mcsettle.storage.foreign import LOGS
@@ -35,26 +36,32 @@ from mcsettle.storage.location import Folder, Place
 from mcsettle.storage.provenance import Provenance
 from mcsettle.storage.shard_name import ShardName
 from mcsettle.study.parameter_sets import ParameterSet
-from mcsettle.study.study import Study, study_wavenumbers
+from mcsettle.study.study import Study
 from mcsettle.types import Progress
 
 BATCH = 2048  # realisations at a time, unless a run says otherwise
 CHECKED = range(2)  # realisations on which the second-order form is checked, in every run
-Machine = CycleJump | Stepwise
 
 
 @dataclass
 class Job:
-    """What the parts of one run share. ``held``: names of the shards that have a record."""
+    """What the parts of one run share.
+
+    ``complete``: names of the shards that have a record; ``batch``: realisations advanced at a time,
+    fewer once memory did not suffice.
+    """
 
     study: Study
     at: Place
     provenance: Provenance
-    threads: int | None = None
-    batch: int | None = None
+    options: RunOptions = RunOptions()
     progress: Progress | None = None
     remarks: list[str] = field(default_factory=list)
-    held: set[str] = field(default_factory=set)
+    complete: set[str] = field(default_factory=set)
+    batch: int = 0
+
+    def __post_init__(self) -> None:
+        self.batch = self.batch or self.options.batch or BATCH
 
     def is_whole(self, shard: Shard) -> bool:
         """Whether a shard is there, whole."""
@@ -84,46 +91,53 @@ def compute(
     members: list[ParameterSet],
     todo: list[Shard],
     central: StepA,
-    shelf: Shelf | None,
-    processes: int,
+    transfers: TransferStore | None,
 ) -> None:
-    """Write the shards ``todo``."""
-    twins = twins_of(job.study, members)
-    sound = {s.member: members[s.member].study for s in todo if not members[s.member].failure}
-    with Ahead(
-        sound if job.study.nested else {}, shelf or Shelf(), processes, job.progress
-    ) as ahead:
-        prepared, of = central, -1
-        for (index, variant, scenario), part in groupby(todo, key=lambda shard: shard.group):
-            member = members[index]
+    """Write the shards ``todo``: the main loop of Step B.
+
+    ``central``: Step A of a study without parameter sets; with them every set asks ``transfers``.
+    """
+    twins, latest = same_step_b(job.study, members), (-1, central)
+    with Prefetch(
+        {} if transfers is None else _scenes_of(members, todo),
+        transfers or TransferStore(),
+        job.options.processes,
+        job.progress,
+    ) as prefetch:
+        for group, shards in groupby(todo, key=lambda shard: shard.group):
+            index, variant, scenario = group
+            member, twin = members[index], twins[group]
             if job.progress is not None and len(members) > 1:
                 job.progress("Parameter sets", index, len(members))
-            twin = twins[index, variant, scenario]
-            left = [s for s in part if twin == index or not copied(job, member, twin, s)]
-            if not left:
-                continue
+            missing = [s for s in shards if twin == index or not copied(job, member, twin, s)]
             if member.failure:
-                for shard in left:
+                for shard in missing:
                     job.write(shard, failed_tables(member, shard, member.failure))
-                continue
-            if job.study.nested and of != index:
-                ahead.wait(index)
-                prepared, of = step_a(member.study, job.progress, processes, shelf), index
-            case = build_case(member.study, prepared, variant, scenario)
-            advance(job, member, case, left)
+            elif missing:
+                if transfers is not None and latest[0] != index:
+                    prefetch.wait(index)
+                    scenes, processes = member.study.scenes, job.options.processes
+                    latest = index, step_a(scenes, job.progress, processes, transfers)
+                advance(job, member, member.study.scene(variant, scenario), latest[1], missing)
 
 
-def twins_of(study: Study, members: list[ParameterSet]) -> dict[tuple[int, str, str], int]:
-    """For every parameter set, variant and scenario the first set with the same Step B."""
+def _scenes_of(members: list[ParameterSet], todo: list[Shard]) -> dict[int, tuple[Scene, ...]]:
+    """Scenes of every parameter set that has shards to compute, by index."""
+    indices = dict.fromkeys(shard.member for shard in todo)
+    return {i: members[i].study.scenes for i in indices if not members[i].failure}
+
+
+def same_step_b(study: Study, members: list[ParameterSet]) -> dict[tuple[int, str, str], int]:
+    """For every parameter set, variant and scenario the first set with the same rows of Step B."""
     first: dict[tuple[str, str, str], int] = {}
-    found = {}
+    sets = {}
     for member in members:
         for variant in study.variant_names:
             for scenario in study.scenario_names:
-                same = member.failure or step_b_key(member.study, variant, scenario)
-                key = (variant, scenario, same)
-                found[member.index, variant, scenario] = first.setdefault(key, member.index)
-    return found
+                key = member.failure or member.study.step_b_key(variant, scenario)
+                index = first.setdefault((variant, scenario, key), member.index)
+                sets[member.index, variant, scenario] = index
+    return sets
 
 
 def copied(job: Job, member: ParameterSet, twin: int, shard: Shard) -> bool:
@@ -133,104 +147,97 @@ def copied(job: Job, member: ParameterSet, twin: int, shard: Shard) -> bool:
         return False
     tables = {}
     for table in shard_record.SHARDED:
-        columns = store.shard_columns(job.at, table, source.name)
-        n = len(columns["parameter_set"])
-        own = rows.input_columns(member, n) if table == "realisations" else {}
-        own["parameter_set"] = np.full(n, member.index, np.int32)
-        tables[table] = columns | own
+        rows = store.shard_columns(job.at, table, source.name)
+        n = len(rows["parameter_set"])
+        inputs = columns.input_columns(member, n) if table == "realisations" else {}
+        tables[table] = rows | inputs | {"parameter_set": np.full(n, member.index, np.int32)}
     job.write(shard, tables)
     return True
 
 
-def advance(job: Job, member: ParameterSet, case: Case, todo: Iterable[Shard]) -> None:
-    """Compute shards of one parameter set, variant and scenario."""
-    machine = None
-    for shard in todo:
-        machine = machine or engine_for(job, member, case, shard)
-        write_computed(job, member, machine, shard)
+def advance(
+    job: Job, member: ParameterSet, scene: Scene, prepared: StepA, shards: Iterable[Shard]
+) -> None:
+    """Compute shards of one scene of a parameter set."""
+    engine = engine_of(job, member, scene, prepared)
+    for shard in shards:
+        write_computed(job, member, scene, engine, shard)
 
 
-def engine_for(job: Job, member: ParameterSet, case: Case, shard: Shard) -> Machine:
-    """The engine of one parameter set, variant and scenario, those of ``shard``; remarks to ``job``."""
-    run = member.study.run
-    side, remarks = _right_hand_side(member, case, shard)
+def engine_of(job: Job, member: ParameterSet, scene: Scene, prepared: StepA) -> Engine:
+    """The engine of a scene; remarks on it go to ``job``."""
+    case = build_case(scene, prepared)
+    side, remarks = _right_hand_side(member, scene, case)
     job.remarks += remarks
-    return engine.engine_for(case, run.stepping, side, threads=job.threads, precision=run.precision)
+    threads, precision = job.options.threads, scene.precision
+    return engine_for(case, scene.stepping, side, threads=threads, precision=precision)
 
 
-def write_computed(job: Job, member: ParameterSet, machine: Machine, shard: Shard) -> None:
-    """Compute one shard and write it."""
+def write_computed(
+    job: Job, member: ParameterSet, scene: Scene, engine: Engine, shard: Shard
+) -> None:
+    """Compute one shard and write it; what a smaller run has left of it is taken over."""
     started = time.monotonic()
     job.log("begun", shard)
-    job.write(shard, _tables(job, member, machine, shard))
-    spent = time.monotonic() - started
-    job.log("done", shard, seconds=round(spent, 3), threads=job.threads, batch=job.batch)
-
-
-def _tables(
-    job: Job, member: ParameterSet, machine: Machine, shard: Shard
-) -> dict[str, dict[str, Any]]:
-    """One shard: the columns of ``history`` and of ``realisations``.
-
-    What a smaller run has left of it is taken over.
-    """
-    study = member.study
-    done, history, outcomes = _begun(job, shard)
+    done, history, realisations = _begun(job, shard)
     while done < shard.indices.stop:
-        part, outcome = _batch(job, member, machine, shard, done)
-        own = member, shard.variant, shard.scenario, part
-        outcomes.append(rows.realisation_columns(*own, machine.case.timetable, outcome))
-        history.append(rows.history_columns(*own, outcome))
-        done = part.stop
+        batch, outcome = _batch(job, scene, engine, range(done, shard.indices.stop))
+        realisations.append(columns.realisation_columns(member, scene, batch, outcome))
+        history.append(columns.history_columns(member, scene, batch, outcome))
+        done = batch.stop
         if job.progress is not None and not job.study.nested:
-            text = f"Step B: {shard.variant} {shard.scenario}"
-            job.progress(text, part.stop, study.run.realisations)
-    return {"history": rows.joined(history), "realisations": rows.joined(outcomes)}
+            job.progress(_stage(scene), done, job.study.run.realisations)
+    tables = {"history": columns.joined(history), "realisations": columns.joined(realisations)}
+    job.write(shard, tables)
+    seconds = round(time.monotonic() - started, 3)
+    job.log("done", shard, seconds=seconds, threads=job.options.threads, batch=job.batch)
 
 
-def _batch(
-    job: Job, member: ParameterSet, machine: Machine, shard: Shard, first: int
-) -> tuple[range, Outcome]:
-    """Advance the next batch; where memory does not suffice, once, a quarter of it from then on."""
-    study = member.study
+def _batch(job: Job, scene: Scene, engine: Engine, rest: range) -> tuple[range, Outcome]:
+    """Advance the next batch of the realisations ``rest``.
+
+    Where memory does not suffice, once, a quarter of it from then on.
+    """
     for last_try in (False, True):
-        part = range(first, min(first + (job.batch or BATCH), shard.indices.stop))
+        batch = rest[: job.batch]
         try:
-            profiles = initial_profiles(study, part, shard.variant)
-            return part, _outcome(job, machine, profiles, sample_days(study), shard)
+            return batch, _outcome(job, scene, engine, batch)
         except MemoryError:
-            smaller = max(1, len(part) // 4)
-            if last_try or len(part) == 1:
+            smaller = max(1, len(batch) // 4)
+            if last_try or len(batch) == 1:
                 raise NumericalError(
-                    f"{len(part)} realisations at a time do not fit into the memory; free some, or "
-                    f"give --batch {smaller}"
+                    f"{len(batch)} realisations at a time do not fit into the memory; free some, "
+                    f"or take a smaller batch (batch={smaller})"
                 ) from None
             job.batch = smaller
             job.remarks.append(
-                f"{len(part)} realisations at a time did not fit into the memory; went on with "
-                f"{smaller} (--batch {smaller})"
+                f"{len(batch)} realisations at a time did not fit into the memory; went on with "
+                f"{smaller} (batch={smaller})"
             )
     raise AssertionError("unreachable")
 
 
-def _outcome(
-    job: Job, machine: Machine, profiles: np.ndarray, days: np.ndarray, shard: Shard
-) -> Outcome:
-    """Advance realisations [R, K] to the limit or the horizon, with progress where it takes long."""
-    if isinstance(machine, CycleJump):
-        return machine.run(profiles, days)
-    march, text = machine.march(profiles, days), f"Step B: {shard.variant} {shard.scenario}"
-    passages = engine.foreseen_passages(machine.case, profiles)
+def _outcome(job: Job, scene: Scene, engine: Engine, batch: range) -> Outcome:
+    """Advance realisations to the limit or the horizon, with progress where it takes long."""
+    profiles = scene.profiles.sample(batch)
+    if isinstance(engine, CycleJump):
+        return engine.run(profiles, scene.sample_days)
+    passages = foreseen_passages(engine.case, profiles)
+    march = engine.march(profiles, scene.sample_days)
     for day in march:
         if job.progress is not None:
-            job.progress(f"{text}, axle passages", *passages(day))
+            job.progress(f"{_stage(scene)}, axle passages", *passages(day))
     return march.outcome()
+
+
+def _stage(scene: Scene) -> str:
+    return f"Step B: {scene.variant} {scene.scenario}"
 
 
 def _begun(job: Job, shard: Shard) -> tuple[int, list[dict[str, Any]], list[dict[str, Any]]]:
     """Where a shard has to go on, and the columns that a smaller run has left of it."""
     stem = shard.name.rpartition("-")[0]  # all but its last realisation
-    others = (ShardName.read(name) for name in job.held if name.startswith(f"{stem}-"))
+    others = (ShardName.read(name) for name in job.complete if name.startswith(f"{stem}-"))
     smaller = [other for other in others if other is not None and other.last < shard.last]
     for other in sorted(smaller, key=lambda other: other.last, reverse=True):
         name, stop = str(other), other.last + 1
@@ -240,7 +247,7 @@ def _begun(job: Job, shard: Shard) -> tuple[int, list[dict[str, Any]], list[dict
     return shard.first, [], []
 
 
-def _right_hand_side(member: ParameterSet, case: Case, shard: Shard) -> tuple[str, list[str]]:
+def _right_hand_side(member: ParameterSet, scene: Scene, case: Case) -> tuple[str, list[str]]:
     """What to compute a scenario with, and a remark if the second-order form will not do.
 
     Raises
@@ -248,21 +255,18 @@ def _right_hand_side(member: ParameterSet, case: Case, shard: Shard) -> tuple[st
     InputError
         It will not do, and what the study asks for has nothing to fall back to.
     """
-    run = member.study.run
-    if run.right_hand_side != "spectral":
-        return run.right_hand_side, []
-    error = expansion_error.worst_error(
-        case, initial_profiles(member.study, CHECKED, shard.variant)
-    )
+    if scene.right_hand_side != "spectral":
+        return scene.right_hand_side, []
+    error = expansion_error.worst_error(case, scene.profiles.sample(CHECKED))
     if error <= expansion_error.LARGEST_ERROR:
         return "spectral", []
     where = f", parameter set {member.index}" if member.values else ""
     text = (
-        f"{shard.variant} {shard.scenario}{where}: the second-order form is off by {error:.1%} of "
+        f"{scene.variant} {scene.scenario}{where}: the second-order form is off by {error:.1%} of "
         "the growth"
     )
     exponent = max(law.exponent for law in case.model.group_laws)
-    if run.stepping == "every_train" or exponent > LARGEST_EXPONENT:
+    if scene.stepping == "every_train" or exponent > LARGEST_EXPONENT:
         raise InputError(
             f"{text}; every x and depth instead takes stepping 'every_axle' or 'cycle_jump' "
             f"and exponents up to {LARGEST_EXPONENT:g}"
@@ -275,16 +279,26 @@ def failed_tables(member: ParameterSet, shard: Shard, reason: str) -> dict[str, 
 
     Their initial profiles are known, so their SD at the start is; nothing else is.
     """
-    study, n = member.study, len(shard.indices)
-    profiles = initial_profiles(study, shard.indices, shard.variant)
-    sd = roughness(study_wavenumbers(study), study.profile.window_m).sd(profiles)
-    history = np.full((n, len(sample_days(study))), np.nan)
+    scene, n = member.study.scene(shard.variant, shard.scenario), len(shard.indices)
+    profiles = scene.profiles.sample(shard.indices)
+    sd = roughness(scene.wavenumbers, scene.window).sd(profiles)
+    history = np.full((n, len(scene.sample_days)), np.nan)
     history[:, 0] = sd
-    none, nowhere = np.zeros(n), np.full(n, np.nan)
-    no, yes = np.zeros(n, bool), np.ones(n, bool)
-    count = np.zeros(n, np.int64)
-    outcome = Outcome(no, yes, nowhere, count, sd, sd, none, profiles, history, count)
-    own = member, shard.variant, shard.scenario, shard.indices
-    columns = rows.realisation_columns(*own, study.timetable(shard.scenario), outcome)
-    columns["failure"] = [reason] * n
-    return {"history": rows.history_columns(*own, outcome), "realisations": columns}
+    outcome = Outcome(
+        reached=np.zeros(n, bool),
+        failed=np.ones(n, bool),
+        days=np.full(n, np.nan),
+        passages=np.zeros(n, np.int64),
+        sd_initial=sd,
+        sd_final=sd,
+        mean_settlement=np.zeros(n),
+        amplitudes=profiles,
+        history=history,
+        steps=np.zeros(n, np.int64),
+    )
+    rows = columns.realisation_columns(member, scene, shard.indices, outcome)
+    rows["failure"] = [reason] * n
+    return {
+        "history": columns.history_columns(member, scene, shard.indices, outcome),
+        "realisations": rows,
+    }

@@ -19,7 +19,7 @@ from typing import Any
 from mcsettle.errors import InputError
 from mcsettle.run.compute import failed_tables
 from mcsettle.run.pipeline import Prepared
-from mcsettle.run.worker import Order, work
+from mcsettle.run.worker import RunSpec, work
 
 WINDOW = 2  # shards out at a time for each worker
 RETRIES = 2  # of a shard that raises; a shard whose workers die has the scheduler's own
@@ -45,7 +45,7 @@ class Work:
     ready: Prepared
     numbers: deque[int]
     tally: Tally
-    order: Order
+    spec: RunSpec
     tell: Callable[[str], None]
     out: dict[int, Any] = field(default_factory=dict)
     sent: int = 0
@@ -112,7 +112,7 @@ def _send(job: Work, client: Any) -> None:
         job.sent += 1
         job.out[number] = client.submit(
             work,
-            job.order,
+            job.spec,
             number,
             key=f"shard-{job.name}-{number}-{job.sent}",
             retries=RETRIES,

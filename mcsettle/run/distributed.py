@@ -13,11 +13,13 @@ from pathlib import Path
 from mcsettle.errors import InputError
 from mcsettle.run.close import close, count_failed
 from mcsettle.run.dispatch import Tally, Work, drive
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import Finished, Prepared, prepare, refuse_foreign
-from mcsettle.run.worker import Order, share_step_a
+from mcsettle.run.worker import RunSpec, share_step_a
 from mcsettle.storage import lock
 from mcsettle.storage.location import Where, place
 from mcsettle.study.study import Study
+from mcsettle.types import Progress
 
 _LOCAL = re.compile(r"local(?::([1-9][0-9]{0,3}))?")
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss)://[^\s/]+:[0-9]{1,5}")
@@ -51,26 +53,19 @@ def run_distributed(
     study: Study,
     out: Where,
     scheduler: str,
-    realisations: int | None = None,
-    seed: int | None = None,
-    threads: int | None = None,
-    batch: int | None = None,
-    exact: bool = False,
-    progress: Callable[[str, int, int], None] | None = None,
-    processes: int = 1,
-    parameter_sets: int | None = None,
-    shard_size: int | None = None,
-    take_over: bool = False,
+    options: RunOptions | None = None,
+    progress: Progress | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Finished:
     """``pipeline.run_study`` by the workers of a Dask scheduler; the folder ends byte for byte as there.
 
     Parameters
     ----------
+    study, out, progress : as ``run_study``
     scheduler : "local", "local:N", or the address of a scheduler whose workers see ``out``
-    threads : of each worker (None: its share of this machine's cores for local ones, else 1)
+    options : RunOptions without ``shards``; ``threads`` are those of each worker (None: its share of
+        this machine's cores for local ones, else 1)
     tell : is told what a person should know
-    others : as ``run_study``
 
     Raises
     ------
@@ -79,21 +74,20 @@ def run_distributed(
     """
     parse_scheduler(scheduler)
     _wants_distributed()
-    study = study.with_run(realisations, seed, "every_axle" if exact else None, parameter_sets)
-    at = place(out)
+    options = options or RunOptions()
+    study, at = options.applied_to(study), place(out)
     refuse_foreign(at, study)
-    with lock.held(at, "run", take_over):
-        ready = prepare(
-            study, at, None, batch, progress, processes, shard_size=shard_size, start=False
-        )
+    with lock.held(at, "run", options.take_over):
+        ready = prepare(study, at, options, progress, start=False)
         numbers, tally = _numbers(ready), Tally(len(ready.shards))
         if numbers:
             if not study.nested:
                 share_step_a(at, ready.central)
             digest, n = ready.job.provenance.digest, study.run.realisations
-            with workers(scheduler, processes) as (address, share):
-                order = Order(at.where, digest, n, study.n_sets, threads or share, batch)
-                drive(Work(ready, numbers, tally, order, tell), address, progress)
+            with workers(scheduler, options.processes) as (address, share):
+                threads = options.threads or share
+                spec = RunSpec(at.where, digest, n, study.n_sets, threads, options.batch)
+                drive(Work(ready, numbers, tally, spec, tell), address, progress)
         remarks = close(at, study, ready.members, ready.job.provenance)
         n_failed = count_failed(at)
     told = dict.fromkeys((*ready.job.remarks, *tally.remarks, *remarks))

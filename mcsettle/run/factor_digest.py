@@ -7,39 +7,43 @@ the factor (``factor_digest``), so that a factor from another ground does not pa
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
+from mcsettle.railway.scene import Scene
 from mcsettle.railway.track import SectionTrack
-from mcsettle.run.transfers import section_settings, softened_by
-from mcsettle.study.study import Study, study_wavenumbers
+from mcsettle.step_a.transfers import section_settings
+from mcsettle.study.study import Study
 
 LENGTH = 16  # hex digits
 
 
-def transfer_identity(study: Study, variant: str, scenario: str) -> str:
-    """Digest [16 hex digits] of what the transfer functions of one scenario and variant depend on."""
-    track = study.track(variant)
+def transfer_identity(scene: Scene, scenes: Sequence[Scene]) -> str:
+    """Digest [16 hex digits] of what the transfer functions of ``scene`` depend on.
+
+    ``scenes`` of the study: their fastest train decides the range of Step A on linear ground.
+    """
+    track, services = scene.track, []
     plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
-    services = []
-    for service in study.timetable(scenario).services:
-        softened = softened_by(study, variant, service)
+    for service in scene.timetable.services:
+        softened = scene.softened(service)
         soil = None if softened is None else asdict(softened.settings)
         services.append([asdict(service.train), float(service.speed), soil])
     description: dict[str, Any] = {
         "track": asdict(plain),
-        "integration_depth": study.settlement_settings(variant).integration_depth_m,
+        "integration_depth": scene.integration_depth,
         "services": services,
-        "wavenumbers": study_wavenumbers(study).tolist(),
-        "hertz_stiffness": study.track_table.hertz_stiffness_n_per_m,
+        "wavenumbers": scene.wavenumbers.tolist(),
+        "hertz_stiffness": scene.contact,
     }
     if isinstance(track, SectionTrack):
         from mcsettle.step_a.fem25d.cache import FORMAT
         from mcsettle.step_a.fem25d.settings import Settings
 
         by_service = [
-            section_settings(study, softened_by(study, variant, service)) or Settings()
-            for service in study.timetable(scenario).services
+            section_settings(scenes, scene.softened(service)) or Settings()
+            for service in scene.timetable.services
         ]
         description["settings"] = [settings.description for settings in by_service]
         description["format"] = FORMAT
@@ -49,11 +53,15 @@ def transfer_identity(study: Study, variant: str, scenario: str) -> str:
 
 def factor_warnings(study: Study) -> list[str]:
     """A remark on every variant whose factor was found for other transfer functions than its own."""
-    remarks = []
+    remarks, scenes = [], study.scenes
     for variant in study.variants:
         if variant.factor_digest is None:
             continue
-        own = {name: transfer_identity(study, variant.name, name) for name in study.scenario_names}
+        own = {
+            scene.scenario: transfer_identity(scene, scenes)
+            for scene in scenes
+            if scene.variant == variant.name
+        }
         if variant.factor_digest not in own.values():
             scenario = _scenario(study)
             remarks.append(

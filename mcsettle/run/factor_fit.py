@@ -20,9 +20,8 @@ import numpy as np
 from mcsettle.estimate.conditioning import FIT_TRACKS
 from mcsettle.estimate.likelihood import likelihood_of
 from mcsettle.estimate.observation import Observation
-from mcsettle.run.scenario import build_case, initial_profiles
-from mcsettle.run.transfers import Shelf, StepA, step_a
-from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_a.transfers import StepA, TransferStore, step_a
+from mcsettle.step_b.case import Case, Outcome, build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.storage import store
 from mcsettle.storage.location import Place
@@ -100,7 +99,7 @@ def fit_sets(
     needed: Collection[int],
     at: Place,
     provenance: Provenance,
-    shelf: Shelf,
+    shared_transfers: TransferStore,
     progress: Progress | None = None,
     processes: int = 1,
 ) -> list[ParameterSet]:
@@ -114,7 +113,7 @@ def fit_sets(
         if member.index in needed and member.index not in held:
             if progress is not None:
                 progress("Fitting the factor of every set", member.index, len(members))
-            prepared = step_a(member.study, progress, processes, shelf)
+            prepared = step_a(member.study.scenes, progress, processes, shared_transfers)
             fits = {
                 variant: fit_factor(study, member, prepared, variant, entry)
                 for variant, entry in study.fitted.items()
@@ -178,11 +177,11 @@ class _Model:
     def __init__(self, study: Study, own: Study, prepared: StepA, variant: str) -> None:
         self.study, self.own, self.variant = study, own, variant
         names = dict.fromkeys(entry.scenario for entry in study.observed)
-        self.cases = {name: build_case(own, prepared, variant, name) for name in names}
+        self.cases = {name: build_case(own.scene(variant, name), prepared) for name in names}
 
     def log_likelihood(self, logs: np.ndarray, wanted: np.ndarray, n_tracks: int) -> np.ndarray:
         """Log likelihood [W] at the log factors ``wanted``, from the engine at ``logs`` [F]."""
-        profiles = initial_profiles(self.own, range(n_tracks), self.variant)
+        profiles = self.own.initial_profiles(self.variant).sample(range(n_tracks))
 
         def predicted(observation: Observation) -> np.ndarray:
             values = _between(logs, self._values(observation, logs, profiles), wanted)

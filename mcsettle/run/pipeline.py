@@ -13,10 +13,11 @@ from mcsettle.errors import InputError
 from mcsettle.run.close import close, count_failed
 from mcsettle.run.compute import Job, compute
 from mcsettle.run.factor_fit import fit_sets
-from mcsettle.run.scenario import build_case, initial_profiles, sample_days
+from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard, Slice, all_shards, slice_of
 from mcsettle.run.status import held_shards, refuse_smaller
-from mcsettle.run.transfers import Shelf, StepA, step_a
+from mcsettle.run.transfer_store import transfer_store
+from mcsettle.step_a.transfers import StepA, TransferStore, step_a
 from mcsettle.storage import lock, store
 from mcsettle.storage.foreign import refuse_others_files, refuse_others_folder
 from mcsettle.storage.location import Place, Where, place
@@ -34,8 +35,6 @@ from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, resolved_toml
 from mcsettle.summary.results import study_of
 from mcsettle.types import Progress
-
-__all__ = ["Finished", "build_case", "initial_profiles", "run_study", "sample_days"]
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Prepared:
     job: Job
     members: list[ParameterSet]
     central: StepA
-    shelf: Shelf | None
+    transfers: TransferStore | None
     todo: list[Shard]
     shards: list[Shard]
 
@@ -68,17 +67,8 @@ class Prepared:
 def run_study(
     study: Study,
     out: Where,
-    realisations: int | None = None,
-    seed: int | None = None,
-    threads: int | None = None,
-    batch: int | None = None,
-    exact: bool = False,
+    options: RunOptions | None = None,
     progress: Progress | None = None,
-    processes: int = 1,
-    parameter_sets: int | None = None,
-    shards: Slice | None = None,
-    shard_size: int | None = None,
-    take_over: bool = False,
 ) -> Finished:
     """Run every variant and scenario of ``study`` into the folder ``out``; resumes what is there.
 
@@ -86,15 +76,8 @@ def run_study(
     ----------
     study : Study
     out : folder of the results (a path or its text), or the URL of one in an object store
-    realisations, seed, parameter_sets : replace the study's own
-    threads : Taichi threads (None: all cores)
-    batch : realisations advanced at a time; changes memory and speed, not results
-    exact : update after every axle passage, whatever the study's stepping
+    options : RunOptions; None: the study's own sample, all cores
     progress : called as progress(stage, done, total)
-    processes : spawned for Step A (more than 1 needs a main guard in the calling program)
-    shards : compute this slice alone and leave the run open (``closing.gather`` closes it)
-    shard_size : realisations of a shard (None: as the folder has it, else 2048)
-    take_over : take away locks that processes of other hosts have left
 
     Raises
     ------
@@ -102,25 +85,24 @@ def run_study(
         A parameter set the study would refuse; the folder cannot be written, holds results of
         something else, or another run is at work there.
     """
-    study = study.with_run(realisations, seed, "every_axle" if exact else None, parameter_sets)
-    at = place(out)
-    role = "run" if shards is None else f"shards {shards}"
+    options = options or RunOptions()
+    study, at, part = options.applied_to(study), place(out), options.shards
     refuse_foreign(at, study)
-    with lock.held(at, role, take_over):
-        ready = prepare(study, at, threads, batch, progress, processes, shards, shard_size)
+    with lock.held(at, "run" if part is None else f"shards {part}", options.take_over):
+        ready = prepare(study, at, options, progress)
         job = ready.job
-        compute(job, ready.members, ready.todo, ready.central, ready.shelf, processes)
-        if shards is None:
+        compute(job, ready.members, ready.todo, ready.central, ready.transfers)
+        if part is None:
             job.remarks += close(at, study, ready.members, job.provenance)
             n_failed = count_failed(at)
         else:
-            records = (read_record(at, s.name, job.provenance) for s in ready.shards)
-            n_failed = sum(found.n_failed for found in records if found is not None)
+            records = (read_record(at, shard.name, job.provenance) for shard in ready.shards)
+            n_failed = sum(record.n_failed for record in records if record is not None)
     return Finished(
         Path(str(out)),
         n_failed,
         tuple(dict.fromkeys(job.remarks)),
-        shards is None,
+        part is None,
         len(ready.shards),
         len(ready.todo),
     )
@@ -129,12 +111,8 @@ def run_study(
 def prepare(
     study: Study,
     at: Place,
-    threads: int | None = None,
-    batch: int | None = None,
+    options: RunOptions,
     progress: Progress | None = None,
-    processes: int = 1,
-    part: Slice | None = None,
-    shard_size: int | None = None,
     start: bool = True,
 ) -> Prepared:
     """Do Step A, make the folder ready and find what is left to compute.
@@ -148,29 +126,28 @@ def prepare(
     """
     from mcsettle.kernels import runtime
 
-    members = all_sets(study)
-    held = provenance_of(at)
-    size = shard_size or (SHARD if held is None else held.shard_realisations)
-    shards = slice_of(all_shards(study, size), part)
-    shelf = Shelf.of(study) if study.nested else None
-    sound = next((member.study for member in members if not member.failure), study)
-    central = step_a(
-        sound if study.grounds_table else study, progress, processes, shelf, check_speeds=True
-    )
+    members, present = all_sets(study), provenance_of(at)
+    size = options.shard_size or (SHARD if present is None else present.shard_realisations)
+    shards = slice_of(all_shards(study, size), options.shards)
+    transfers = transfer_store(study) if study.nested else None
+    valid = next((member.study for member in members if not member.failure), study)
+    scenes = (valid if study.grounds_table else study).scenes
+    central = step_a(scenes, progress, options.processes, transfers, check_speeds=True)
     if start:  # before anything starts it with other threads
-        runtime.start(threads)
+        runtime.start(options.threads)
     provenance = _provenance(study, central, size)
     same_study(at, provenance)
-    remarks, held_now = list(central.remarks), held_shards(at)
-    job = Job(study, at, provenance, threads, batch, progress, remarks, held_now)
-    refuse_smaller(at, job.held, study)
-    todo = [shard for shard in shards if not (shard.name in job.held and job.is_whole(shard))]
-    store.prepare(at, provenance, finished=part is not None and not todo)
-    _write_study(at, study, part)
-    if shelf is not None and study.fitted:
+    job = Job(study, at, provenance, options, progress, list(central.remarks), held_shards(at))
+    refuse_smaller(at, job.complete, study)
+    todo = [shard for shard in shards if not (shard.name in job.complete and job.is_whole(shard))]
+    store.prepare(at, provenance, finished=options.shards is not None and not todo)
+    _write_study(at, study, options.shards)
+    if transfers is not None and study.fitted:
         needed = {shard.member for shard in todo}
-        members = fit_sets(study, members, needed, at, provenance, shelf, progress, processes)
-    return Prepared(job, members, central, shelf, todo, shards)
+        members = fit_sets(
+            study, members, needed, at, provenance, transfers, progress, options.processes
+        )
+    return Prepared(job, members, central, transfers, todo, shards)
 
 
 def refuse_foreign(at: Place, study: Study) -> None:

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcsettle.run.compute import BATCH
-from mcsettle.run.scenario import build_case, initial_profiles, sample_days
-from mcsettle.run.transfers import step_a
-from mcsettle.step_b.case import Case
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import Case, build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.cycles import update_weights
 from mcsettle.step_b.stepwise import Stepwise
-from mcsettle.study.study import Study, study_wavenumbers
+from mcsettle.study.study import Study
 from mcsettle.types import Progress
 
 PROBED = 256  # tracks of a scenario: four full tiles, enough for both cores of a small machine
@@ -61,7 +60,7 @@ def plan(
 
     ``passages``: axle passages of all realisations together.
     """
-    prepared = step_a(study, progress, processes)
+    prepared = step_a(study.scenes, progress, processes)
     pairs = [(v, s) for v in study.variant_names for s in study.scenario_names]
     n, n_sets = study.run.realisations, study.n_sets
     taken = pairs[:: math.ceil(len(pairs) / MOST_PROBES)]
@@ -69,8 +68,8 @@ def plan(
     probes = [
         _probe(
             study,
-            build_case(study, prepared, *pair),
-            initial_profiles(study, tracks, pair[0]),
+            build_case(study.scene(*pair), prepared),
+            study.initial_profiles(pair[0]).sample(tracks),
             threads,
         )
         for pair in taken
@@ -78,7 +77,7 @@ def plan(
     seconds, passages = np.mean(probes, axis=0)
     rows = n * len(pairs) * n_sets
     size = min(batch or BATCH, BATCH, n)
-    modes = len(study_wavenumbers(study))
+    modes = len(study.wavenumbers)
     return Plan(
         scenarios=len(study.scenario_names),
         variants=len(study.variant_names),
@@ -91,7 +90,7 @@ def plan(
         batches=math.ceil(n / size) * len(pairs) * n_sets,
         batch=size,
         memory_mb=BASE_MB + size * (modes + 1) * 16 * STAGES / 1e6 + rows * 400 / 1e6,
-        disk_mb=rows * (ROW_BYTES + SAMPLE_BYTES * len(sample_days(study))) / 1e6,
+        disk_mb=rows * (ROW_BYTES + SAMPLE_BYTES * len(study.sample_days)) / 1e6,
         seconds=FIXED_SECONDS + float(seconds + SUMMARY_SECONDS) * rows,
     )
 
@@ -109,7 +108,7 @@ def _probe(
     """Seconds and axle passages a realisation."""
     from mcsettle.kernels import runtime
 
-    run, days = study.run, sample_days(study)
+    run, days = study.run, study.sample_days
     jump_side = "spectral" if run.stepping != "cycle_jump" else run.right_hand_side
     runtime.start(threads)
     jump = CycleJump(case, jump_side)

@@ -7,17 +7,18 @@ plain run of the size reached, byte for byte, and goes on from there.
 import re
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import LEVELS, Estimate
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import Finished, run_study
 from mcsettle.run.status import held_shards
 from mcsettle.storage.location import Where, place
 from mcsettle.study.study import Study
 from mcsettle.summary.results import read_results
 from mcsettle.summary.summary import SummaryRow, summary_rows
+from mcsettle.types import Progress
 
 FIRST_BATCH = 64
 METRICS = {
@@ -29,6 +30,9 @@ METRICS = {
 }
 _QUANTILES = {"median": 0.5, **{f"p{round(100 * level)}": level for level in LEVELS}}
 _TARGET = re.compile(r"\s*(\w+)\s+(\w+)\s+([0-9.]+)\s*%\s*$")
+
+
+Run = Callable[[Study, Where, RunOptions, Progress | None], Finished]
 
 
 @dataclass(frozen=True)
@@ -130,20 +134,20 @@ def run_until(
     out: Where,
     target: Target | None,
     max_minutes: float | None = None,
-    realisations: int | None = None,
+    options: RunOptions | None = None,
+    progress: Progress | None = None,
     tell: Callable[[Batch], None] | None = None,
     clock: Callable[[], float] = time.monotonic,
-    run: Callable[..., Finished] = run_study,
-    **options: Any,
+    run: Run = run_study,
 ) -> Stopped:
     """Run in batches until ``target`` is met, the time is up or the sample is at its cap.
 
     Parameters
     ----------
-    study, out, options : as for ``run_study``
+    study, out, progress : as for ``run_study``
     target : precision to reach (None: none, only the time counts)
     max_minutes : no batch is begun that would probably end later; the first always runs
-    realisations : the cap (None: the study's own number)
+    options : as for ``run_study``; their realisations, or the study's, are the cap
     tell : called with every batch
     clock : seconds
     run : runs a batch: ``run_study``, or the like (``cluster.run_distributed`` for a scheduler)
@@ -153,10 +157,11 @@ def run_until(
     InputError
         As ``run_study``, or the study does not have the target's metric.
     """
-    cap = realisations or study.run.realisations
+    options = options or RunOptions()
+    cap = options.realisations or study.run.realisations
     start, batches = clock(), list[Batch]()
     sizes = _sizes(_held(out), cap)
-    finished = run(study, out, realisations=next(sizes), **options)
+    finished = run(study, out, replace(options, realisations=next(sizes)), progress)
     while True:
         spent = clock() - start - sum(b.seconds for b in batches)
         batches.append(_batch(out, target, spent))
@@ -170,7 +175,7 @@ def run_until(
             return Stopped(finished, tuple(batches), target is None, False)
         if max_minutes is not None and _ends(batches, size) > 60.0 * max_minutes:
             return Stopped(finished, tuple(batches), False, True)
-        finished = run(study, out, realisations=size, **options)
+        finished = run(study, out, replace(options, realisations=size), progress)
 
 
 def _batch(out: Where, target: Target | None, seconds: float) -> Batch:

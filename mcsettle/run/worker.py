@@ -2,7 +2,7 @@
 
 All it needs it finds in the results folder: study, provenance, and what Step A has computed
 (DIR/.step_a). Each process keeps one Taichi runtime with kernels of its own, and works on one shard at a
-time whatever the scheduler sends it. A worker outlives runs: each has its ``Order``.
+time whatever the scheduler sends it. A worker outlives runs: each has its ``RunSpec``.
 """
 
 import atexit
@@ -18,13 +18,13 @@ from typing import NamedTuple
 from mcsettle.errors import InputError
 from mcsettle.run import compute
 from mcsettle.run.factor_fit import fitted_sets
-from mcsettle.run.scenario import build_case
+from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard, all_shards
 from mcsettle.run.status import held_shards
-from mcsettle.run.transfers import Shelf, StepA, step_a
+from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a.transfer_file import load, save
-from mcsettle.step_b.cycle_jump import CycleJump
-from mcsettle.step_b.stepwise import Stepwise
+from mcsettle.step_a.transfers import StepA, TransferStore, step_a
+from mcsettle.step_b.engine import Engine
 from mcsettle.storage.files import cache_folder
 from mcsettle.storage.location import Place, place
 from mcsettle.storage.provenance import read_json, read_provenance
@@ -36,10 +36,10 @@ STEP_A = ".step_a"
 INDEX = f"{STEP_A}/index.json"
 LARGEST_INDEX = 10_000_000  # bytes
 _one = threading.Lock()
-_bench: "Bench | None" = None
+_state: "WorkerState | None" = None
 
 
-class Order(NamedTuple):
+class RunSpec(NamedTuple):
     """What a worker is to work on: a folder or URL, the run in it and its size, and how.
 
     Runs of one provenance differ in where they lie and in how many rows they have.
@@ -63,17 +63,17 @@ class Done(NamedTuple):
 
 
 @dataclass
-class Bench:
+class WorkerState:
     """What a worker keeps from shard to shard of one run."""
 
-    order: Order
+    spec: RunSpec
     job: compute.Job
     members: list[ParameterSet]
     twins: dict[tuple[int, str, str], int]
     shards: list[Shard]
-    shelf: Shelf | None
+    transfers: TransferStore | None
     group: tuple[int, str, str] | None = None
-    engine: CycleJump | Stepwise | None = None
+    engine: Engine | None = None
     prepared: dict[int, StepA] = field(default_factory=dict)
 
     def make(self, shard: Shard) -> None:
@@ -83,30 +83,24 @@ class Bench:
             return
         if member.failure:
             self.job.write(shard, compute.failed_tables(member, shard, member.failure))
-        else:
-            compute.write_computed(self.job, member, self.engine_of(shard), shard)
-
-    def engine_of(self, shard: Shard) -> CycleJump | Stepwise:
-        """The engine of a shard, kept for its neighbours."""
+            return
+        scene = member.study.scene(shard.variant, shard.scenario)
         if self.engine is None or self.group != shard.group:
-            member = self.members[shard.member]
             if shard.member not in self.prepared:
                 self.prepared = {shard.member: self._step_a(member)}
-            case = build_case(
-                member.study, self.prepared[shard.member], shard.variant, shard.scenario
-            )
             self.job.remarks.clear()  # each answer has those of its own scenario
-            self.engine = compute.engine_for(self.job, member, case, shard)
+            prepared = self.prepared[shard.member]
+            self.engine = compute.engine_of(self.job, member, scene, prepared)
             self.group = shard.group
-        return self.engine
+        compute.write_computed(self.job, member, scene, self.engine, shard)
 
     def _step_a(self, member: ParameterSet) -> StepA:
-        if self.shelf is None:
+        if self.transfers is None:
             return read_step_a(self.job.at)
-        return step_a(member.study, shelf=self.shelf)
+        return step_a(member.study.scenes, store=self.transfers)
 
 
-def work(order: Order, number: int) -> Done:
+def work(spec: RunSpec, number: int) -> Done:
     """Make shard ``number`` of a run; nothing is done if it is there.
 
     Raises
@@ -115,17 +109,17 @@ def work(order: Order, number: int) -> Done:
         The folder is of another run, or cannot be read or written; this process began with another
         number of threads.
     """
-    global _bench
+    global _state
     with _one:
-        if _bench is None or _bench.order != order:
-            _bench = _set_up(order)
-        bench, shard = _bench, _bench.shards[number]
-        computed = not bench.job.is_whole(shard)
+        if _state is None or _state.spec != spec:
+            _state = _set_up(spec)
+        state, shard = _state, _state.shards[number]
+        computed = not state.job.is_whole(shard)
         if computed:
-            bench.make(shard)
-        found = read_record(bench.job.at, shard.name, bench.job.provenance)
+            state.make(shard)
+        found = read_record(state.job.at, shard.name, state.job.provenance)
         n_failed = 0 if found is None else found.n_failed
-        return Done(number, computed, n_failed, tuple(dict.fromkeys(bench.job.remarks)))
+        return Done(number, computed, n_failed, tuple(dict.fromkeys(state.job.remarks)))
 
 
 def share_step_a(at: Place, central: StepA) -> None:
@@ -173,28 +167,30 @@ def read_step_a(at: Place) -> StepA:
     )
 
 
-def _set_up(order: Order) -> Bench:
+def _set_up(spec: RunSpec) -> WorkerState:
     from mcsettle.kernels import runtime
 
     _own_kernels()
-    at = place(order.where)
+    at = place(spec.where)
     provenance, study = read_provenance(at), study_of(at)
     seen = provenance.digest, study.run.realisations, study.n_sets
-    if seen != order[1:4]:
+    if seen != spec[1:4]:
         raise InputError(f"'{at}' is not the folder of this run as this worker sees it")
     try:
-        runtime.start(order.threads)
+        runtime.start(spec.threads)
     except RuntimeError:
         raise InputError(
-            f"a worker is to use {order.threads} threads and has begun with another number; give "
+            f"a worker is to use {spec.threads} threads and has begun with another number; give "
             "--threads that number, or start the workers again"
         ) from None
     held = held_shards(at)
-    job = compute.Job(study, at, provenance, order.threads, order.batch, held=held)
-    shelf = Shelf.of(study) if study.nested else None
+    options = RunOptions(threads=spec.threads, batch=spec.batch)
+    job = compute.Job(study, at, provenance, options, complete=held)
+    transfers = transfer_store(study) if study.nested else None
     members = fitted_sets(at, study)
     shards = all_shards(study, provenance.shard_realisations)
-    return Bench(order, job, members, compute.twins_of(study, members), shards, shelf)
+    twins = compute.same_step_b(study, members)
+    return WorkerState(spec, job, members, twins, shards, transfers)
 
 
 def _own_kernels() -> None:

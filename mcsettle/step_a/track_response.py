@@ -1,12 +1,10 @@
 """The track model that answers for a track: closed-form beam, or section, linear or softened."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mcsettle.railway.softening_choices import SofteningSettings
+from mcsettle.railway.softening_choices import Softened
 from mcsettle.railway.track import BeamTrack, SectionTrack, Track
-from mcsettle.railway.traffic import Train
 from mcsettle.step_a.beam import beam_response
 from mcsettle.step_a.transfer import TrackResponse
 from mcsettle.storage.files import cache_folder
@@ -14,18 +12,6 @@ from mcsettle.storage.files import cache_folder
 if TYPE_CHECKING:
     from mcsettle.step_a.fem25d import Settings, SofteningHistory
 from mcsettle.types import Progress
-
-
-@dataclass(frozen=True)
-class Softened:
-    """What softens a ground: one train at one speed [m/s], by these choices.
-
-    In mixed traffic every service has a ground of its own: moduli are those of its own passage.
-    """
-
-    train: Train
-    speed: float
-    settings: SofteningSettings
 
 
 def softening_history(

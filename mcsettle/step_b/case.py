@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mcsettle.railway.scene import Scene
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.traffic import Timetable
 from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_a.transfers import StepA
 from mcsettle.step_b.passage import mode_numbers
-from mcsettle.step_b.settlement import SettlementModel
 from mcsettle.step_b.spectral import ModePairs, mode_pairs
 
 
@@ -60,3 +62,15 @@ class Outcome:
     amplitudes: np.ndarray
     history: np.ndarray
     steps: np.ndarray
+
+
+def build_case(scene: Scene, prepared: StepA) -> Case:
+    """The engine's description of a scene."""
+    return Case(
+        timetable=scene.timetable,
+        transfers=prepared.transfers[scene.variant, scene.scenario],
+        model=scene.settlement,
+        window=scene.window,
+        sd_limit=scene.sd_limit,
+        horizon=scene.horizon,
+    )

@@ -17,6 +17,7 @@ from mcsettle.step_b.stepwise import Stepwise
 STEPPINGS = ("cycle_jump", "every_axle", "every_train")
 RIGHT_HAND_SIDES = ("spectral", "pointwise")
 PRECISIONS = ("f64", "f32")
+Engine = CycleJump | Stepwise
 FORESEEN = 1e-4  # tolerance of the days that progress is counted in
 
 
@@ -27,7 +28,7 @@ def engine_for(
     tolerance: float = TOLERANCE,
     threads: int | None = None,
     precision: str = "f64",
-) -> CycleJump | Stepwise:
+) -> Engine:
     """The engine of a case: its coefficients folded once, then any number of batches.
 
     Parameters

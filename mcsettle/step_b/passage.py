@@ -13,8 +13,9 @@ its own modes; the mean is uniform settlement and does not roughen the track.
 
 import numpy as np
 
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.step_a.transfer import TransferFunctions
-from mcsettle.step_b.settlement import SettlementModel, strain_increment
+from mcsettle.step_b.settlement import strain_increment
 from mcsettle.step_b.stress import deviatoric_stress, mean_state
 
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.passage import grid_size, mode_numbers
-from mcsettle.step_b.settlement import SettlementModel, strain_scale
+from mcsettle.step_b.settlement import strain_scale
 from mcsettle.step_b.stress import DEVIATOR, mean_state
 
 TOLERANCE = 1e-8  # of the sum of squares where the exponent is 2

@@ -20,8 +20,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.step_a.transfer import TransferFunctions
-from mcsettle.step_b.settlement import SettlementModel, strain_scale
+from mcsettle.step_b.settlement import strain_scale
 from mcsettle.step_b.stress import DEVIATOR, mean_state
 
 

@@ -16,11 +16,11 @@ from mcsettle.railway.filters import Band
 from mcsettle.railway.ground_profiles import Columns, Ground, read_grounds
 from mcsettle.railway.measured_profiles import RecordChoice
 from mcsettle.railway.read_record import RecordFormat
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.softening_choices import SofteningSettings
 from mcsettle.railway.text_files import SEPARATORS
 from mcsettle.railway.track import TRACKS, BeamTrack, Layer, SectionTrack, Track
 from mcsettle.railway.traffic import Service, Timetable, Train
-from mcsettle.step_b.settlement import SettlementModel
 from mcsettle.study.attributes import Paths, described, overridden
 from mcsettle.study.build_ground import under_sleeper_pad, with_ground
 from mcsettle.study.schema.grounds import GroundsTable

@@ -18,8 +18,9 @@ from mcsettle.economics import Change, speed_change, tonnage_change
 from mcsettle.errors import InputError
 from mcsettle.estimate.observation import Observation
 from mcsettle.railway.ground_profiles import Ground
-from mcsettle.railway.irregularity import wavenumbers
+from mcsettle.railway.initial_profiles import InitialProfiles
 from mcsettle.railway.measured_profiles import Record
+from mcsettle.railway.scene import Scene
 from mcsettle.railway.softening_choices import SofteningSettings
 from mcsettle.railway.track import Track
 from mcsettle.railway.traffic import Timetable, Train
@@ -49,6 +50,13 @@ from mcsettle.study.input_files import (
 )
 from mcsettle.study.library import expanded
 from mcsettle.study.read import parsed_toml, toml_data, with_tuples
+from mcsettle.study.scenes import (
+    build_initial_profiles,
+    build_scene,
+    profile_wavenumbers,
+    recorded_days,
+    step_b_key,
+)
 from mcsettle.study.schema.economics import EconomicsTable
 from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.traffic import ScenarioTable
@@ -165,6 +173,33 @@ class Study(StudyTables):
     def settlement_settings(self, variant: str) -> SettlementSettings:
         """The settlement settings of ``variant``, its overrides applied."""
         return settlement_settings(self.settlement, self.variant(variant))
+
+    def scene(self, variant: str, scenario: str) -> Scene:
+        """All that Steps A and B need of one variant and scenario."""
+        return build_scene(self, variant, scenario)
+
+    @property
+    def scenes(self) -> tuple[Scene, ...]:
+        """The scene of every variant and scenario, variants outermost."""
+        return tuple(self.scene(v, s) for v in self.variant_names for s in self.scenario_names)
+
+    def step_b_key(self, variant: str, scenario: str) -> str:
+        """Digest of all that decides the rows of Step B: parameter sets of equal key share them."""
+        return step_b_key(self, variant, scenario)
+
+    def initial_profiles(self, variant: str | None = None) -> InitialProfiles:
+        """Where the initial profiles of ``variant`` come from (None: as the study says)."""
+        return build_initial_profiles(self, variant)
+
+    @property
+    def wavenumbers(self) -> np.ndarray:
+        """Wavenumbers [K] rad/m of the profile's modes."""
+        return profile_wavenumbers(self)
+
+    @property
+    def sample_days(self) -> np.ndarray:
+        """Days [H] on which the SD is recorded: those of the run, the start and the first year."""
+        return recorded_days(self)
 
     def mgt_per_day(self, scenario: str) -> float:
         """Gross tonnage of ``scenario`` a day [MGT]: its own figure or its trains' sum."""
@@ -404,9 +439,3 @@ def _named(name: str, kind: str, tables: Iterable[Named]) -> Named:
     if name not in found:
         raise InputError(f"'{name}' is no {kind} of this study; {suggestion(name, found)}")
     return found[name]
-
-
-def study_wavenumbers(study: Study) -> np.ndarray:
-    """Wavenumbers [K] rad/m of the profile modes of a study."""
-    profile = study.profile
-    return wavenumbers(profile.window_m, profile.shortest_m, profile.longest_m)

@@ -95,12 +95,12 @@ def _coverage(sd: np.ndarray, believed: float) -> float:
 
 def test_a_study_predicts_what_was_held_out(fresh_cache: Path, tmp_path: Path) -> None:
     study = toy.study(run={"realisations": 48})
-    from mcsettle.run.scenario import build_case, initial_profiles
-    from mcsettle.run.transfers import step_a
+    from mcsettle.step_a.transfers import step_a
+    from mcsettle.step_b.case import build_case
 
-    case = build_case(study, step_a(study), "base", "v201")
+    case = build_case(study.scene("base", "v201"), step_a(study.scenes))
     days = np.array([0.0, 8.0, 16.0])
-    track = initial_profiles(study, range(60, 61))
+    track = study.initial_profiles().sample(range(60, 61))
     sd = engine_for(case).run(track, days).history[0] * 1e3
     rows = [Observation(float(d), float(s), 0.01) for d, s in zip(days, sd, strict=True)]
     found = forecast(study, "v201", rows, 1)

@@ -115,14 +115,14 @@ def test_perfect_recovery_and_constant_traffic_is_eq_4_to_1e_10(fresh_cache: Pat
 
 
 def test_first_interval_is_that_of_a_run_and_recovery_matters(fresh_cache: Path) -> None:
-    from mcsettle.run.scenario import build_case, initial_profiles
-    from mcsettle.run.transfers import step_a
+    from mcsettle.step_a.transfers import step_a
+    from mcsettle.step_b.case import build_case
     from mcsettle.step_b.engine import engine_for
 
     own = study(LINEAR)
     base = lives(own)[0]
-    case = build_case(own, step_a(own), "base", "v201")
-    outcome = engine_for(case).run(initial_profiles(own, range(4)), np.zeros(0))
+    case = build_case(own.scene("base", "v201"), step_a(own.scenes))
+    outcome = engine_for(case).run(own.initial_profiles().sample(range(4)), np.zeros(0))
     np.testing.assert_allclose(base.sequence.first * 365.0, outcome.days, rtol=1e-12)
     assert np.all(np.diff(base.sequence.years, axis=1) > 0.0)
     assert base.sd_after.min() >= 0.1e-3

@@ -10,8 +10,8 @@ from mcsettle.analysis.posterior import infer_factor
 from mcsettle.cli.observations import read_observations
 from mcsettle.errors import InputError
 from mcsettle.estimate.observation import Observation
-from mcsettle.run.scenario import build_case, initial_profiles
-from mcsettle.run.transfers import step_a
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import build_case
 from mcsettle.step_b.engine import engine_for
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -25,10 +25,10 @@ def study():
 
 def observed(study, factor, realisation, rng=None) -> tuple[Observation, ...]:
     """SDs of one track outside the ensemble, with or without errors of observation."""
-    case = build_case(study, step_a(study), "base", "v201")
+    case = build_case(study.scene("base", "v201"), step_a(study.scenes))
     model = replace(case.model, settlement_factor=factor)
     case = replace(case, model=model, sd_limit=1.0)
-    profiles = initial_profiles(study, range(realisation, realisation + 1))
+    profiles = study.initial_profiles().sample(range(realisation, realisation + 1))
     sd = engine_for(case).run(profiles, DAYS).history[0] * 1e3
     sd = sd + (0.0 if rng is None else ERROR * rng.normal(size=len(sd)))
     return tuple(Observation(float(d), float(s), ERROR) for d, s in zip(DAYS, sd, strict=True))

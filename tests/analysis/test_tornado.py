@@ -7,8 +7,8 @@ from scipy import stats
 from toy import COST, LOAD, N0, uncertain
 
 from mcsettle.analysis.tornado import tornado
-from mcsettle.run.scenario import build_case, initial_profiles
-from mcsettle.run.transfers import step_a
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import build_case
 from mcsettle.step_b.engine import engine_for
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -20,8 +20,8 @@ def bars(fresh_cache):
 
 
 def days(study):
-    case = build_case(study, step_a(study), "base", "v201")
-    return engine_for(case).run(initial_profiles(study, range(4)), np.zeros(0)).days
+    case = build_case(study.scene("base", "v201"), step_a(study.scenes))
+    return engine_for(case).run(study.initial_profiles().sample(range(4)), np.zeros(0)).days
 
 
 def test_ends_and_centre(bars):

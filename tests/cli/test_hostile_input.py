@@ -31,6 +31,7 @@ from typer.testing import CliRunner
 from mcsettle.cli.app import app
 from mcsettle.errors import InputError
 from mcsettle.run.close import gather
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.status import survey
 from mcsettle.step_a.fem25d.cache import read_arrays, write_arrays
@@ -210,7 +211,9 @@ def test_nothing_of_a_study_is_run(tmp_path):
 @pytest.fixture(scope="module")
 def results(fresh_cache, tmp_path_factory):
     study = toy.study(run={"realisations": 4})
-    return run_study(study, tmp_path_factory.mktemp("hostile") / "out", shard_size=2).folder
+    return run_study(
+        study, tmp_path_factory.mktemp("hostile") / "out", RunOptions(shard_size=2)
+    ).folder
 
 
 def damaged(folder: Path, rng: random.Random) -> str:

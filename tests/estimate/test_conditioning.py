@@ -22,6 +22,7 @@ from mcsettle.estimate.observation import Observation
 from mcsettle.estimate.resampling import effective
 from mcsettle.estimate.variance import variance_split
 from mcsettle.run import factor_fit
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.storage import store
 from mcsettle.storage.tables import input_column
@@ -236,7 +237,7 @@ def finished(fresh_cache, few_tracks, tmp_path_factory):
     """Every set fits its own factor to the median interval of 200 sections."""
     study = uncertain(N0, LOAD, COST, FITTED, observed=[{**INTERVAL, "sections": 200}])
     out = tmp_path_factory.mktemp("fitted") / "results"
-    return run_study(study, out, realisations=24, parameter_sets=5)
+    return run_study(study, out, RunOptions(realisations=24, parameter_sets=5))
 
 
 @pytest.mark.usefixtures("fresh_cache")
@@ -266,9 +267,9 @@ def test_every_set_fits_its_factor(finished):
 @pytest.mark.usefixtures("fresh_cache")
 def test_growing_keeps_the_fits(finished, tmp_path):
     study = load_study(finished.folder / "study.toml")
-    run_study(study, tmp_path, realisations=24, parameter_sets=3)
+    run_study(study, tmp_path, RunOptions(realisations=24, parameter_sets=3))
     first = store.read(tmp_path, "weights").to_pandas()
-    run_study(study, tmp_path, realisations=24, parameter_sets=5)
+    run_study(study, tmp_path, RunOptions(realisations=24, parameter_sets=5))
     grown, whole = (
         store.read(folder, "weights").to_pandas() for folder in (tmp_path, finished.folder)
     )

@@ -14,11 +14,12 @@ from mcsettle.kernels.laws import (
     power_of_two,
     power_of_two_32,
 )
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.track import PowerLaw
 from mcsettle.step_b.cycles import update_weights
 from mcsettle.step_b.passage import grid_size, in_band, mode_numbers, settlement_of_passage
 from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
-from mcsettle.step_b.settlement import SettlementModel, cycle_increment
+from mcsettle.step_b.settlement import cycle_increment
 from mcsettle.step_b.stepwise import pointwise_day_loads
 
 TOLERANCE = 1e-10  # of the largest: sums of some 1e4 products in another order, powers by series

@@ -18,7 +18,6 @@ from mcsettle.railway.measured_profiles import ensemble
 from mcsettle.railway.record import Run
 from mcsettle.railway.record_sections import cut
 from mcsettle.railway.spectra import FRA_ROUGHNESS, spectrum
-from mcsettle.run.scenario import initial_profiles
 from mcsettle.study.study import Study, load_study, resolved_toml
 
 LENGTH, FOOT = 4000.0, 0.3048
@@ -148,10 +147,10 @@ def test_profiles_of_a_study(folder: Path) -> None:
     plain = study(folder, {"ensemble": "phases", "section": 3})
     found = plain.record()
     assert found is not None
-    own = standard_deviation(initial_profiles(plain, range(4)))
+    own = standard_deviation(plain.initial_profiles().sample(range(4)))
     np.testing.assert_allclose(own, found.sections.sd[2], rtol=1e-12)
     scaled = study(folder, {"ensemble": "phases"}, sd_mm=1.03)
-    own = standard_deviation(initial_profiles(scaled, range(4)))
+    own = standard_deviation(scaled.initial_profiles().sample(range(4)))
     np.testing.assert_allclose(own, 1.03e-3, rtol=1e-12)
 
 
@@ -171,7 +170,7 @@ def test_a_run_on_a_record_ends_at_the_limit_and_keeps_the_digest(
         data | {"limit": {"sd_limit_mm": 1.5, "horizon_years": 2.0}}, folder=place
     )
     finished = run_study(own, tmp_path / "out")
-    before = initial_profiles(own, range(1))
+    before = own.initial_profiles().sample(range(1))
     table = read(finished.folder, "realisations").to_pandas()
     assert set(table["status"]) == {"reached"}
     np.testing.assert_allclose(table["sd_initial_mm"], 1.03, rtol=1e-6)
@@ -181,7 +180,7 @@ def test_a_run_on_a_record_ends_at_the_limit_and_keeps_the_digest(
     (place / "record.csv").unlink()
     again = read_results(finished.folder).study
     assert again.digest == own.digest
-    np.testing.assert_array_equal(initial_profiles(again, range(1)), before)
+    np.testing.assert_array_equal(again.initial_profiles().sample(range(1)), before)
 
 
 def test_the_digest_is_that_of_the_content(folder: Path, tmp_path: Path, track) -> None:

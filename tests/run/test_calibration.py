@@ -9,8 +9,8 @@ import toy
 from mcsettle.analysis.calibration import calibrate
 from mcsettle.errors import InputError
 from mcsettle.run.factor_digest import transfer_identity
-from mcsettle.run.pipeline import build_case, initial_profiles
-from mcsettle.run.transfers import step_a
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.engine import engine_for
 
@@ -34,9 +34,9 @@ def found(fresh_cache, study, told):
 
 
 def run(study, factor, scenario="v201", variant="base", samples=()):
-    case = build_case(study, step_a(study), variant, scenario)
+    case = build_case(study.scene(variant, scenario), step_a(study.scenes))
     case = replace(case, model=replace(case.model, settlement_factor=factor))
-    profiles = initial_profiles(study, range(study.run.realisations))
+    profiles = study.initial_profiles().sample(range(study.run.realisations))
     return engine_for(case).run(profiles, np.array(samples, dtype=float))
 
 
@@ -54,8 +54,8 @@ def test_what_it_reports(study, found, told):
     assert (found.scenario, found.variant) == ("v201", "base")
     assert (found.target_days, found.realisations, found.seed) == (TARGET, 8, study.seed)
     assert found.factor_low < found.factor < found.factor_high
-    assert found.transfer_digest == step_a(study).digest
-    assert found.factor_digest == transfer_identity(study, "base", "v201")
+    assert found.transfer_digest == step_a(study.scenes).digest
+    assert found.factor_digest == transfer_identity(study.scene("base", "v201"), study.scenes)
     outcome = run(study, found.factor)
     assert found.mean_settlement_mm == pytest.approx(
         np.median(outcome.mean_settlement) * 1e3, rel=1e-9

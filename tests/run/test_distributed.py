@@ -22,6 +22,7 @@ from mcsettle.errors import InputError
 from mcsettle.run import compute, dispatch, factor_fit, worker
 from mcsettle.run import distributed as cluster
 from mcsettle.run.close import gather
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import Slice
 from mcsettle.run.status import survey
@@ -43,7 +44,9 @@ def study():
 
 @pytest.fixture(scope="module")
 def whole(fresh_cache, study, tmp_path_factory):
-    return run_study(study, tmp_path_factory.mktemp("whole") / "out", shard_size=SIZE).folder
+    return run_study(
+        study, tmp_path_factory.mktemp("whole") / "out", RunOptions(shard_size=SIZE)
+    ).folder
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +76,7 @@ def test_scheduler_is_local_or_an_address(text):
 
 
 def test_workers_write_the_same_bytes(study, whole, tmp_path, in_process):
-    done = cluster.run_distributed(study, tmp_path, "local", shard_size=SIZE)
+    done = cluster.run_distributed(study, tmp_path, "local", RunOptions(shard_size=SIZE))
     assert (done.n_shards, done.n_computed, done.n_failed) == (6, 6, 0)
     assert everything_but_step_a(tmp_path) == everything(whole)
     again = cluster.run_distributed(study, tmp_path, "local")
@@ -130,12 +133,12 @@ def test_the_window_is_bounded(study, tmp_path, in_process, monkeypatch):
         kept(job, client)
 
     monkeypatch.setattr(dispatch, "_take", watched)
-    cluster.run_distributed(study, tmp_path, "local", shard_size=1)
+    cluster.run_distributed(study, tmp_path, "local", RunOptions(shard_size=1))
     assert 0 < max(most) <= 2 * dispatch.WINDOW
 
 
 def test_a_damaged_step_a_is_refused(study, tmp_path, in_process):
-    cluster.run_distributed(study, tmp_path, "local", shard_size=SIZE)
+    cluster.run_distributed(study, tmp_path, "local", RunOptions(shard_size=SIZE))
     from mcsettle.storage.location import place
 
     at = place(tmp_path)
@@ -154,7 +157,7 @@ def test_a_damaged_step_a_is_refused(study, tmp_path, in_process):
 def test_without_a_scheduler_it_says_so(study, tmp_path, monkeypatch):
     monkeypatch.setattr(dispatch, "PATIENCE", 0.0)
     with pytest.raises(InputError, match=r"no scheduler answers at tcp://127.0.0.1:9"):
-        cluster.run_distributed(study, tmp_path, "tcp://127.0.0.1:9", shard_size=SIZE)
+        cluster.run_distributed(study, tmp_path, "tcp://127.0.0.1:9", RunOptions(shard_size=SIZE))
 
 
 def test_templates_are_sound_and_call_what_there_is():
@@ -182,7 +185,9 @@ def test_templates_are_sound_and_call_what_there_is():
 def test_a_worker_tells_runs_apart(study, whole, tmp_path, in_process):
     """The same study into another folder, and then with more rows, by the same workers."""
     for name, n in (("a", 4), ("b", 4), ("b", N)):
-        done = cluster.run_distributed(study, tmp_path / name, "local", n, shard_size=SIZE)
+        done = cluster.run_distributed(
+            study, tmp_path / name, "local", RunOptions(realisations=n, shard_size=SIZE)
+        )
         assert done.n_computed == (4 if n == 4 else 2)
     assert everything_but_step_a(tmp_path / "b") == everything(whole)
     assert survey(tmp_path / "a").realisations == 4
@@ -190,7 +195,7 @@ def test_a_worker_tells_runs_apart(study, whole, tmp_path, in_process):
 
 def test_a_worker_that_began_with_other_threads_says_so(study, tmp_path, in_process):
     with pytest.raises(InputError, match="is to use 77 threads and has begun with another number"):
-        cluster.run_distributed(study, tmp_path, "local", threads=77, shard_size=SIZE)
+        cluster.run_distributed(study, tmp_path, "local", RunOptions(threads=77, shard_size=SIZE))
 
 
 def test_a_target_is_reached_by_workers_too(study, tmp_path, in_process):
@@ -217,12 +222,16 @@ def test_a_target_is_reached_by_workers_too(study, tmp_path, in_process):
 
 def shared_and_plain(study, tmp_path, **options):
     """A run by workers and one by two slices are the plain run; returns its folder."""
-    plain = run_study(study, tmp_path / "plain", shard_size=SIZE, **options)
+    plain = run_study(study, tmp_path / "plain", RunOptions(shard_size=SIZE, **options))
     for i in (2, 1):
-        run_study(study, tmp_path / "parts", shards=Slice(i, 2), shard_size=SIZE, **options)
+        run_study(
+            study, tmp_path / "parts", RunOptions(shards=Slice(i, 2), shard_size=SIZE, **options)
+        )
     gather(tmp_path / "parts")
     assert everything(tmp_path / "parts") == everything(plain.folder)
-    done = cluster.run_distributed(study, tmp_path / "shared", "local", shard_size=SIZE, **options)
+    done = cluster.run_distributed(
+        study, tmp_path / "shared", "local", RunOptions(shard_size=SIZE, **options)
+    )
     assert everything(tmp_path / "shared") == everything(plain.folder)  # no Step A is left there
     assert done.n_failed == plain.n_failed
     assert set(done.remarks) == set(plain.remarks)
@@ -299,7 +308,7 @@ def wait_for(out: Path, n: int, of: subprocess.Popen[bytes]) -> None:
 def test_a_killed_worker_and_a_restarted_scheduler(tmp_path):
     """40 shards, two workers: one is killed, then the scheduler too; ≤ 2 shards are repeated for each."""
     study = toy.study(run={"realisations": 40}, settlement={"settlement_factor": 30})
-    whole = run_study(study, tmp_path / "whole", shard_size=2).folder
+    whole = run_study(study, tmp_path / "whole", RunOptions(shard_size=2)).folder
     path, out, log = tmp_path / "study.toml", tmp_path / "out", tmp_path / "log"
     path.write_text(resolved_toml(study), encoding="utf-8")
     port = free_port()

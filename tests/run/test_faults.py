@@ -15,6 +15,7 @@ import toy
 from toy import everything
 
 from mcsettle.errors import InputError
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.status import survey
 from mcsettle.storage import files, lock
@@ -35,7 +36,9 @@ def study():
 
 @pytest.fixture(scope="module")
 def whole(fresh_cache, study, tmp_path_factory):
-    return run_study(study, tmp_path_factory.mktemp("whole") / "out", shard_size=SIZE).folder
+    return run_study(
+        study, tmp_path_factory.mktemp("whole") / "out", RunOptions(shard_size=SIZE)
+    ).folder
 
 
 def logs(out: Path, event: str) -> dict[str, set[str]]:
@@ -150,7 +153,7 @@ def test_a_disk_that_fails_in_mid_run(study, whole, tmp_path, monkeypatch, call,
     with monkeypatch.context() as patch:
         patch.setattr(files.os, call, refuse)
         with pytest.raises(InputError, match=f"cannot be written: .*{words}"):
-            run_study(study, tmp_path, shard_size=SIZE)
+            run_study(study, tmp_path, RunOptions(shard_size=SIZE))
     found = survey(tmp_path)
     assert not found.finished
     assert 0 < found.n_whole < found.n_shards
@@ -166,7 +169,7 @@ def test_a_file_size_limit_is_a_full_disk(study, whole, tmp_path):
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (5000, kept[1]))
         with pytest.raises(InputError, match="cannot be written: File too large"):
-            run_study(study, tmp_path, shard_size=SIZE)
+            run_study(study, tmp_path, RunOptions(shard_size=SIZE))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, kept)
         signal.signal(signal.SIGXFSZ, old)
@@ -193,7 +196,7 @@ def tiny_disk(tmp_path):
 def test_a_disk_that_is_full_and_then_read_only(study, whole, tiny_disk):
     out = tiny_disk / "out"
     with pytest.raises(InputError, match="cannot be written: No space left"):
-        run_study(study, out, shard_size=SIZE)
+        run_study(study, out, RunOptions(shard_size=SIZE))
     assert 0 < survey(out).n_whole < 8
     held = survey(out).n_whole
     remount = ["mount", "-o", "remount"]

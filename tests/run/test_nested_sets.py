@@ -7,16 +7,19 @@ import toy
 from toy import COST, LAW, LOAD, N0, SETS, SPRING, N, everything, table, uncertain
 
 from mcsettle.errors import InputError
-from mcsettle.run import compute, pipeline, transfers
-from mcsettle.run.pipeline import build_case, initial_profiles, run_study
-from mcsettle.run.scenario import step_b_key
-from mcsettle.run.transfers import Shelf
-from mcsettle.step_a import track_response
+from mcsettle.railway.initial_profiles import InitialProfiles
+from mcsettle.railway.scene import Scene
+from mcsettle.run import compute, pipeline
+from mcsettle.run.options import RunOptions
+from mcsettle.run.pipeline import run_study
+from mcsettle.run.transfer_store import transfer_store
+from mcsettle.step_a import track_response, transfer_cache, transfers
 from mcsettle.step_a.interaction import precompute
+from mcsettle.step_b.case import build_case
 from mcsettle.step_b.engine import engine_for
 from mcsettle.storage import store
 from mcsettle.study.parameter_sets import all_sets
-from mcsettle.study.study import load_study, study_wavenumbers
+from mcsettle.study.study import load_study
 from mcsettle.summary.results import Results, read_results
 from mcsettle.summary.summary import summary_rows, tonnage_rows
 
@@ -45,9 +48,9 @@ def counted(monkeypatch):
     """Calls of Step A's dear part, and of Step B, by name."""
     calls = {"precompute": 0, "engine": 0, "response": 0}
     for key, owner, name in (
-        ("precompute", transfers, "precompute"),
+        ("precompute", transfer_cache, "precompute"),
         ("response", track_response, "beam_response"),
-        ("engine", compute.engine, "engine_for"),
+        ("engine", compute, "engine_for"),
     ):
         kept = getattr(owner, name)
 
@@ -67,10 +70,10 @@ def test_rows_are_those_of_each_sets_own_study(study, finished):
         own = member.study
         service = own.timetable("v225").services[0]
         response = track_response.track_response(own.track(), 5.5)
-        transfer = precompute(service.train, service.speed, response, study_wavenumbers(own))
+        transfer = precompute(service.train, service.speed, response, own.wavenumbers)
         prepared = transfers.StepA({("base", "v225"): (transfer,)})
-        days = engine_for(build_case(own, prepared, "base", "v225")).run(
-            initial_profiles(own, range(N)), np.zeros(0)
+        days = engine_for(build_case(own.scene("base", "v225"), prepared)).run(
+            own.initial_profiles().sample(range(N)), np.zeros(0)
         ).days  # fmt: skip
         part = rows[rows["parameter_set"] == member.index].sort_values("realisation")
         # Scaling the quasi-static stress and computing it anew differ in rounding.
@@ -135,15 +138,15 @@ def test_a_vehicle_input_costs_its_interaction_only(tmp_path, counted, monkeypat
 
 
 def test_the_shelf_forgets_old_sets(study):
-    shelf, sizes = Shelf.of(study), []
+    shared_transfers, sizes = transfer_store(study), []
     for member in all_sets(study):
-        transfers.step_a(member.study, shelf=shelf)
-        sizes.append(len(shelf.found))
+        transfers.step_a(member.study.scenes, store=shared_transfers)
+        sizes.append(len(shared_transfers.transfers))
     assert max(sizes) <= 4  # the first set's two speeds and the last set's
 
 
 def test_resuming_and_growing_change_no_byte(study, finished, tmp_path, small_shards, counted):
-    run_study(study, tmp_path, realisations=2, parameter_sets=2)
+    run_study(study, tmp_path, RunOptions(realisations=2, parameter_sets=2))
     before = counted["engine"]
     assert before == 4
     run_study(study, tmp_path)
@@ -156,22 +159,22 @@ def test_resuming_and_growing_change_no_byte(study, finished, tmp_path, small_sh
 
 
 def test_growing_goes_on_from_the_rows_that_are_there(study, tmp_path, monkeypatch):
-    run_study(study, tmp_path, realisations=3)
+    run_study(study, tmp_path, RunOptions(realisations=3))
     asked = []
-    kept = compute.initial_profiles
+    sample = InitialProfiles.sample
 
-    def profiles(study, indices, variant=None):
+    def recorded(self, indices):
         asked.append(indices)
-        return kept(study, indices, variant)
+        return sample(self, indices)
 
-    monkeypatch.setattr(compute, "initial_profiles", profiles)
+    monkeypatch.setattr(InitialProfiles, "sample", recorded)
     run_study(study, tmp_path)
     assert set(asked) == {compute.CHECKED, range(3, N)}
 
 
 def test_fewer_sets_than_held_are_refused(study, finished):
     with pytest.raises(InputError, match="holds 4 parameter sets and 3 are asked for"):
-        run_study(study, finished.folder, parameter_sets=3)
+        run_study(study, finished.folder, RunOptions(parameter_sets=3))
 
 
 def test_the_summary_is_a_table(finished):
@@ -237,18 +240,18 @@ def test_a_line_costs_the_mean_of_its_sections(study, finished):
 def test_axle_loads_are_not_scaled_where_the_soil_softens(study, monkeypatch, softens):
     """There the load decides the ground, and nothing is in proportion to it."""
     given, response = [], track_response.track_response(study.track(), 5.5)
-    kept = transfers._transfer
+    kept = transfers.cached_transfer
     monkeypatch.setattr(transfers, "track_response", lambda *_: response)
     if softens:
-        monkeypatch.setattr(transfers, "softened_by", lambda *_: "softened")
+        monkeypatch.setattr(Scene, "softened", lambda *_: "softened")
         monkeypatch.setattr(transfers, "section_settings", lambda *_, **__: None)
 
     def transfer(*arguments):
         given.append(arguments[-1])
         return kept(*arguments)
 
-    monkeypatch.setattr(transfers, "_transfer", transfer)
-    transfers.step_a(study, shelf=Shelf.of(study))
+    monkeypatch.setattr(transfers, "cached_transfer", transfer)
+    transfers.step_a(study.scenes, store=transfer_store(study))
     assert given == [{} if softens else {"passenger": 17e3}] * 2  # one for each speed
 
 
@@ -268,7 +271,7 @@ def test_axle_loads_are_not_scaled_where_the_soil_softens(study, monkeypatch, so
     ids=str,
 )
 def test_what_shares_the_rows_of_step_b(change, same):
-    keys = [step_b_key(s, "base", "v201") for s in (toy.study(), toy.study(**change))]
+    keys = [s.step_b_key("base", "v201") for s in (toy.study(), toy.study(**change))]
     assert (keys[0] == keys[1]) == same
 
 

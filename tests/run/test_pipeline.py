@@ -11,9 +11,11 @@ from toy import everything, table
 
 from mcsettle.errors import InputError
 from mcsettle.run import compute, pipeline
-from mcsettle.run.pipeline import build_case, initial_profiles, run_study, sample_days
-from mcsettle.run.transfers import step_a
+from mcsettle.run.options import RunOptions
+from mcsettle.run.pipeline import run_study
 from mcsettle.step_a import critical_speed
+from mcsettle.step_a.transfers import step_a
+from mcsettle.step_b.case import build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.engine import engine_for
 from mcsettle.storage import manifest
@@ -63,10 +65,10 @@ def test_every_file_is_there_and_whole(finished):
 
 
 def test_rows_are_what_the_engine_says(study, finished):
-    prepared = step_a(study)
+    prepared = step_a(study.scenes)
     for scenario in study.scenario_names:
-        case = build_case(study, prepared, "base", scenario)
-        outcome = engine_for(case).run(initial_profiles(study, range(N)), sample_days(study))
+        case = build_case(study.scene("base", scenario), prepared)
+        outcome = engine_for(case).run(study.initial_profiles().sample(range(N)), study.sample_days)
         rows = table(finished.folder, "realisations", scenario)
         assert rows["realisation"].tolist() == list(range(N))
         assert rows["status"].tolist() == ["reached"] * N
@@ -84,7 +86,7 @@ def test_rows_are_what_the_engine_says(study, finished):
         history = table(finished.folder, "history", scenario)
         for r, own in history.groupby("realisation"):
             np.testing.assert_array_equal(own["day"].iloc[-1], outcome.days[r])
-            before = sample_days(study)[sample_days(study) < outcome.days[r]]
+            before = study.sample_days[study.sample_days < outcome.days[r]]
             np.testing.assert_array_equal(own["day"].iloc[:-1], before)
             expected = [*outcome.history[r, : len(before)], outcome.sd_final[r]]
             np.testing.assert_allclose(own["sd_mm"], np.array(expected) * 1e3, rtol=1e-14)
@@ -117,7 +119,7 @@ def test_units_and_provenance_are_in_the_files(study, finished):
     assert units["tonnage_mgt"] == "MGT"
     stored = {k.decode(): v.decode() for k, v in schema.metadata.items()}
     assert stored["study_digest"] == study.digest
-    assert stored["transfer_digest"] == step_a(study).digest
+    assert stored["transfer_digest"] == step_a(study.scenes).digest
     assert stored["seed"] == str(study.seed)
     assert stored["index_range"] == "4-5"
 
@@ -130,7 +132,9 @@ def test_the_study_can_be_read_back(study, finished):
 
 @pytest.mark.parametrize("batch", [1, 3, None])
 def test_batches_change_no_byte(study, finished, batch, tmp_path, small_shards):
-    assert everything(run_study(study, tmp_path, batch=batch).folder) == everything(finished.folder)
+    assert everything(run_study(study, tmp_path, RunOptions(batch=batch)).folder) == everything(
+        finished.folder
+    )
 
 
 @pytest.mark.parametrize("kind", ["realisations", "history", "effects"])
@@ -154,16 +158,16 @@ def test_a_finished_run_is_not_repeated(study, finished, monkeypatch, small_shar
     def refuse(*_, **__):
         raise AssertionError("nothing is left to do")
 
-    monkeypatch.setattr(compute.engine, "engine_for", refuse)
+    monkeypatch.setattr(compute, "engine_for", refuse)
     before = everything(finished.folder)
     run_study(study, finished.folder)
     assert everything(finished.folder) == before
 
 
 def test_growing_keeps_what_was_and_leaves_no_old_shard(study, finished, tmp_path, small_shards):
-    run_study(study, tmp_path, realisations=3)
+    run_study(study, tmp_path, RunOptions(realisations=3))
     before = table(tmp_path, "realisations")
-    run_study(study, tmp_path, realisations=N)
+    run_study(study, tmp_path, RunOptions(realisations=N))
     after = table(tmp_path, "realisations")
     assert len(after) == 2 * N
     same = after[after["realisation"] < 3].reset_index(drop=True)
@@ -172,10 +176,10 @@ def test_growing_keeps_what_was_and_leaves_no_old_shard(study, finished, tmp_pat
 
 
 def test_fewer_realisations_than_held_are_refused(study, tmp_path, small_shards):
-    run_study(study, tmp_path, realisations=5)
+    run_study(study, tmp_path, RunOptions(realisations=5))
     before = everything(tmp_path)
     with pytest.raises(InputError, match="holds 5 realisations and 4 are asked for"):
-        run_study(study, tmp_path, realisations=4)
+        run_study(study, tmp_path, RunOptions(realisations=4))
     assert everything(tmp_path) == before
 
 
@@ -251,10 +255,10 @@ def test_growth_in_a_year(tmp_path):
 def test_exact_runs_every_axle(tmp_path):
     """The same days to 0.2 %, here some three of them; the study kept beside them says so."""
     study = toy.study(settlement={"settlement_factor": 3000})
-    run_study(study, tmp_path, realisations=2, exact=True)
+    run_study(study, tmp_path, RunOptions(realisations=2, exact=True))
     rows = table(tmp_path, "realisations", "v201")
-    case = build_case(study, step_a(study), "base", "v201")
-    jump = engine_for(case).run(initial_profiles(study, range(2)), np.zeros(0))
+    case = build_case(study.scene("base", "v201"), step_a(study.scenes))
+    jump = engine_for(case).run(study.initial_profiles().sample(range(2)), np.zeros(0))
     np.testing.assert_allclose(rows["tamping_interval_days"], jump.days, rtol=2e-3)
     np.testing.assert_allclose(rows["tamping_interval_days"] * 864, rows["passages"], rtol=1e-12)
     assert load_study(tmp_path / "study.toml").run.stepping == "every_axle"
@@ -310,7 +314,7 @@ def test_failed_rows_are_told_and_kept(study, tmp_path, monkeypatch):
         )
 
     monkeypatch.setattr(CycleJump, "run", broken)
-    finished = run_study(study, tmp_path, realisations=3)
+    finished = run_study(study, tmp_path, RunOptions(realisations=3))
     assert finished.n_failed == 2
     rows = table(tmp_path, "realisations", "v225")
     assert rows["status"].tolist() == ["reached", "failed", "reached"]
@@ -346,8 +350,8 @@ def test_a_crude_expansion_with_nothing_to_fall_back_to_is_refused(tmp_path):
 def test_progress_covers_both_steps(tmp_path, fresh_cache, monkeypatch):
     monkeypatch.setenv("MCSETTLE_CACHE", str(tmp_path / "cache"))
     seen = []
-    run_study(toy.study(), tmp_path / "out", realisations=2,
-              progress=lambda *now: seen.append(now))  # fmt: skip
+    options = RunOptions(realisations=2)
+    run_study(toy.study(), tmp_path / "out", options, lambda *now: seen.append(now))
     texts = {text for text, _, _ in seen}
     assert any(text.startswith("Step A") for text in texts)
     assert "Step B: base v225" in texts
@@ -355,12 +359,12 @@ def test_progress_covers_both_steps(tmp_path, fresh_cache, monkeypatch):
 
 
 def test_a_damaged_transfer_file_is_made_again(study, fresh_cache):
-    first = step_a(study)
+    first = step_a(study.scenes)
     path = sorted(fresh_cache.glob("transfer-*.npz"))[0]
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     told = []
-    again = step_a(study, lambda text, *_: told.append(text))
+    again = step_a(study.scenes, lambda text, *_: told.append(text))
     assert any("damaged" in text for text in told)
     assert again.digest == first.digest
     assert path.read_bytes() == whole

@@ -20,6 +20,7 @@ from mcsettle.cli.app import app
 from mcsettle.errors import InputError, NumericalError
 from mcsettle.run import compute
 from mcsettle.run.close import gather
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import Slice, all_shards, estimated_bytes, n_shards, parse_slice, slice_of
 from mcsettle.run.status import survey
@@ -42,7 +43,9 @@ def study():
 @pytest.fixture(scope="module")
 def whole(fresh_cache, study, tmp_path_factory):
     """The study in one go: two scenarios of three shards."""
-    return run_study(study, tmp_path_factory.mktemp("whole") / "out", shard_size=SIZE).folder
+    return run_study(
+        study, tmp_path_factory.mktemp("whole") / "out", RunOptions(shard_size=SIZE)
+    ).folder
 
 
 def shard_files(folder: Path) -> list[Path]:
@@ -79,7 +82,7 @@ def test_shards_are_counted_before_they_are_made(study):
 def test_slices_in_any_order_make_the_whole(study, whole, tmp_path):
     """Four slices of six shards, one of them twice, then gathered: the same bytes."""
     for i in (3, 1, 4, 2, 1):
-        done = run_study(study, tmp_path, shards=Slice(i, 4), shard_size=SIZE)
+        done = run_study(study, tmp_path, RunOptions(shards=Slice(i, 4), shard_size=SIZE))
         assert not done.closed
         if i == 4:
             with pytest.raises(InputError, match="is not finished"):
@@ -94,17 +97,17 @@ def test_slices_in_any_order_make_the_whole(study, whole, tmp_path):
 
 def test_a_slice_leaves_a_finished_run_finished(study, whole):
     before = everything(whole)
-    run_study(study, whole, shards=Slice(1, 2))
+    run_study(study, whole, RunOptions(shards=Slice(1, 2)))
     assert everything(whole) == before
     assert survey(whole).finished
 
 
 def test_slices_have_to_agree_on_the_size_of_the_run(study, tmp_path):
-    run_study(study, tmp_path, shards=Slice(1, 6), shard_size=SIZE)
+    run_study(study, tmp_path, RunOptions(shards=Slice(1, 6), shard_size=SIZE))
     with pytest.raises(InputError, match="a run of 6 realisations and this slice one of 4"):
-        run_study(study, tmp_path, realisations=4, shards=Slice(2, 6))
+        run_study(study, tmp_path, RunOptions(realisations=4, shards=Slice(2, 6)))
     with pytest.raises(InputError, match="shard realisations 2 where this run has 3"):
-        run_study(study, tmp_path, shards=Slice(2, 6), shard_size=3)
+        run_study(study, tmp_path, RunOptions(shards=Slice(2, 6), shard_size=3))
 
 
 def test_the_size_of_a_run_is_known_beforehand(whole):
@@ -132,7 +135,7 @@ def damage(folder: Path) -> dict[str, str]:
 
 
 def test_status_says_what_is_there_missing_and_damaged(study, whole, tmp_path):
-    run_study(study, tmp_path, shard_size=SIZE)
+    run_study(study, tmp_path, RunOptions(shard_size=SIZE))
     assert survey(tmp_path).finished
     wrong = damage(tmp_path)
     (tmp_path / "realisations" / "notes.txt").write_text("mine", encoding="utf-8")
@@ -191,7 +194,7 @@ def test_status_and_gather_of_something_else(tmp_path):
 
 
 def test_gather_refuses_a_study_that_was_changed_by_hand(study, tmp_path):
-    run_study(study, tmp_path, shard_size=SIZE)
+    run_study(study, tmp_path, RunOptions(shard_size=SIZE))
     path = tmp_path / "study.toml"
     (tmp_path / "manifest.json").unlink()
     path.write_text(path.read_text(encoding="utf-8").replace("1.03", "1.04"), encoding="utf-8")
@@ -214,13 +217,13 @@ def test_out_of_memory_takes_a_smaller_batch_once(study, whole, tmp_path, monkey
 
     monkeypatch.setattr(CycleJump, "run", scarce)
     if times == 2:
-        with pytest.raises(NumericalError, match=r"do not fit .* --batch 1"):
-            run_study(study, tmp_path, shard_size=4)
+        with pytest.raises(NumericalError, match=r"do not fit .*batch=1"):
+            run_study(study, tmp_path, RunOptions(shard_size=4))
         return
-    done = run_study(study, tmp_path, shard_size=SIZE, batch=2)
+    done = run_study(study, tmp_path, RunOptions(shard_size=SIZE, batch=2))
     assert sizes[:3] == [2, 1, 1]
     assert len(done.remarks) == 1
-    assert "--batch 1" in done.remarks[0]
+    assert "batch=1" in done.remarks[0]
     assert everything(tmp_path) == everything(whole)
 
 
@@ -246,7 +249,7 @@ def test_two_runs_in_one_folder(study, whole):
     with pytest.raises(InputError, match="in use by"):
         gather(whole)
     with pytest.raises(InputError, match="in use by"):
-        run_study(study, whole, shards=Slice(1, 2))
+        run_study(study, whole, RunOptions(shards=Slice(1, 2)))
     assert [owner.pid for owner in survey(whole).owners] == [os.getpid()]
     path.unlink()
     run_study(study, whole)
@@ -255,7 +258,7 @@ def test_two_runs_in_one_folder(study, whole):
 
 def test_slices_work_side_by_side(study, tmp_path):
     put(tmp_path, lock.myself("shards 2/6"))
-    run_study(study, tmp_path, shards=Slice(1, 6), shard_size=SIZE)
+    run_study(study, tmp_path, RunOptions(shards=Slice(1, 6), shard_size=SIZE))
     with pytest.raises(InputError, match=r"in use by .*shards 2/6"):
         run_study(study, tmp_path)
 
@@ -353,7 +356,7 @@ def test_a_damaged_lock_counts_for_nothing(tmp_path, content):
 
 def test_nothing_depends_on_the_clock(study, whole, tmp_path, monkeypatch):
     """The clock jumps back by a year in mid-run, files come from the future: the same bytes."""
-    run_study(study, tmp_path, shards=Slice(1, 2), shard_size=SIZE)
+    run_study(study, tmp_path, RunOptions(shards=Slice(1, 2), shard_size=SIZE))
     for path in tmp_path.rglob("*"):
         os.utime(path, (4e9, 4e9))
     monkeypatch.setattr(compute.time, "monotonic", iter(range(10**9, 0, -1)).__next__)

@@ -6,6 +6,7 @@ from toy import everything
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import Estimate, Statistic
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.stopping import Target, parse_target, run_until, worst_error
 from mcsettle.summary.results import read_results
@@ -65,7 +66,7 @@ def test_it_stops_when_the_target_is_met(study, tmp_path):
     assert (stopped.met, stopped.late) == (True, False)
     assert [b.realisations for b in stopped.batches] == [64]
     assert told == list(stopped.batches)
-    run_study(study, tmp_path / "b", realisations=64)
+    run_study(study, tmp_path / "b", RunOptions(realisations=64))
     assert everything(tmp_path / "a") == everything(tmp_path / "b")
     error, _ = worst_error(summary_rows(read_results(tmp_path / "a")), MEDIAN)
     assert told[0].error == error
@@ -92,6 +93,6 @@ def test_it_stops_before_a_batch_that_would_end_late(study, tmp_path):
 
 
 def test_time_alone_ends_at_the_cap(study, tmp_path):
-    stopped = run_until(study, tmp_path, None, max_minutes=1e6, realisations=70)
+    stopped = run_until(study, tmp_path, None, options=RunOptions(realisations=70), max_minutes=1e6)
     assert [b.realisations for b in stopped.batches] == [64, 70]
     assert (stopped.met, stopped.late) == (True, False)

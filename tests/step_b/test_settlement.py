@@ -7,14 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.track import LEAN_CLAY, SUB_BALLAST, BallastLaw, PowerLaw
-from mcsettle.step_b.settlement import (
-    SettlementModel,
-    cycle_increment,
-    cycle_rate,
-    strain_increment,
-    strain_scale,
-)
+from mcsettle.step_b.settlement import cycle_increment, cycle_rate, strain_increment, strain_scale
 from mcsettle.units import KPA
 
 SILT = PowerLaw(0.64, 0.10, 1.70, 100 * KPA)

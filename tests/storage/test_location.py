@@ -15,11 +15,12 @@ from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
 from mcsettle.errors import InputError
-from mcsettle.run import transfers
 from mcsettle.run.close import gather
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import Slice
 from mcsettle.run.status import survey
+from mcsettle.step_a import transfer_cache, transfers
 from mcsettle.storage.files import cache_folder
 from mcsettle.storage.location import Bucket, Folder, place
 from mcsettle.summary.results import read_results
@@ -189,9 +190,9 @@ def test_a_run_in_a_store_is_the_run_in_a_folder(kind, request, tmp_path):
         url = request.getfixturevalue("google")("runs/one")
     else:
         url = f"{request.getfixturevalue('bucket')}/runs/one"
-    run_study(study, folder, shard_size=SIZE)
+    run_study(study, folder, RunOptions(shard_size=SIZE))
     for i in (2, 1):
-        run_study(study, url, shards=Slice(i, 2), shard_size=SIZE)
+        run_study(study, url, RunOptions(shards=Slice(i, 2), shard_size=SIZE))
     with pytest.raises(InputError, match="is not finished"):
         read_results(url)
     assert gather(url).finished
@@ -206,7 +207,7 @@ def test_a_run_in_a_store_is_the_run_in_a_folder(kind, request, tmp_path):
     again = run_study(study, url)
     assert again.n_computed == 1
     with pytest.raises(InputError, match="seed 1 where this run has 2"):
-        run_study(study, url, seed=2)
+        run_study(study, url, RunOptions(seed=2))
 
 
 def test_a_shared_cache_is_filled_and_used(bucket, tmp_path, monkeypatch):
@@ -214,21 +215,21 @@ def test_a_shared_cache_is_filled_and_used(bucket, tmp_path, monkeypatch):
     study = toy.study()
     monkeypatch.setenv("MCSETTLE_CACHE", f"{bucket}/cache")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "first"))
-    first = transfers.step_a(study)
+    first = transfers.step_a(study.scenes)
     shared = place(f"{bucket}/cache").names()
     assert len(shared) == 2
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "second"))
-    monkeypatch.setattr(transfers, "precompute", None)
-    assert transfers.step_a(study).digest == first.digest
+    monkeypatch.setattr(transfer_cache, "precompute", None)
+    assert transfers.step_a(study.scenes).digest == first.digest
     assert sorted(p.name for p in cache_folder().glob("*.npz")) == shared
 
 
 def test_a_cache_file_of_something_else_is_not_used(tmp_path, monkeypatch):
     monkeypatch.setenv("MCSETTLE_CACHE", str(tmp_path))
-    first = transfers.step_a(toy.study())
+    first = transfers.step_a(toy.study().scenes)
     one, two = sorted(tmp_path.glob("transfer-*.npz"))
     one.write_bytes(two.read_bytes())
     told = []
-    again = transfers.step_a(toy.study(), lambda text, *_: told.append(text))
+    again = transfers.step_a(toy.study().scenes, lambda text, *_: told.append(text))
     assert again.digest == first.digest
     assert any("something else" in text for text in told)

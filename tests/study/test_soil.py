@@ -11,8 +11,8 @@ from mcsettle.errors import InputError
 from mcsettle.railway.modulus_curves import Curve
 from mcsettle.railway.softening_choices import EMBANKMENT_CURVE, GROUND_CURVE, SofteningSettings
 from mcsettle.railway.track import CASE_STUDY_TRACK
-from mcsettle.run import transfers
 from mcsettle.run.factor_digest import factor_warnings, transfer_identity
+from mcsettle.step_a import transfers
 from mcsettle.study.study import Study, resolved_toml
 
 SOUND: dict[str, Any] = {
@@ -128,7 +128,8 @@ def factor(**keys: Any) -> dict[str, Any]:
     data["settlement"] = {"settlement_factor": 20.0}
     data["variants"] = [{"name": "as_given"}, {"name": "own", "settlement_factor": 1.0},
                         {"name": "soft", "soil": "equivalent_linear"}]  # fmt: skip
-    identity = transfer_identity(Study.from_mapping(data), "as_given", "a")
+    first = Study.from_mapping(data)
+    identity = transfer_identity(first.scene("as_given", "a"), first.scenes)
     data["settlement"]["factor_digest"] = identity
     for path, value in keys.items():
         table, key = path.split("__")
@@ -141,7 +142,7 @@ def test_a_factor_knows_its_transfer_functions() -> None:
     assert study.variant("own").factor_digest is None  # a factor of its own
     (remark,) = factor_warnings(study)  # the softened ground is another one
     given = study.settlement.factor_digest or ""
-    own = transfer_identity(study, "soft", "a")
+    own = transfer_identity(study.scene("soft", "a"), study.scenes)
     for part in ("'soft'", given, own, "mcsettle calibrate STUDY --scenario a --variant soft"):
         assert part in remark
     assert given != own
@@ -195,13 +196,13 @@ def test_every_service_has_a_ground_of_its_own(
         return arguments[4]
 
     monkeypatch.setattr(transfers, "track_response", response)
-    monkeypatch.setattr(transfers, "_transfer", lambda ground, *_: ground)
-    made = transfers.step_a(Study.from_mapping(SOUND))
+    monkeypatch.setattr(transfers, "cached_transfer", lambda ground, *_: ground)
+    made = transfers.step_a(Study.from_mapping(SOUND).scenes)
     assert sorted(round(ground.speed * 3.6) for ground in asked) == [201, 225]
     fast, slow = made.transfers["base", "b"]
     assert made.transfers["base", "a"] == (slow,)
     assert round(fast.speed * 3.6) == 225  # type: ignore[attr-defined]
     assert isinstance(fast.settings, SofteningSettings)  # type: ignore[attr-defined]
     asked.clear()
-    transfers.step_a(Study.from_mapping(with_track(soil="linear")))
+    transfers.step_a(Study.from_mapping(with_track(soil="linear")).scenes)
     assert asked == [None]

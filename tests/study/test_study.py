@@ -21,7 +21,6 @@ from mcsettle.railway.track import (
     rayleigh_speed,
 )
 from mcsettle.railway.vehicle import FREIGHT, PASSENGER
-from mcsettle.run.scenario import initial_profiles, step_b_key
 from mcsettle.study.read import LARGEST_FILE
 from mcsettle.study.schema.study import json_schema
 from mcsettle.study.study import Study, load_study, resolved_toml
@@ -552,10 +551,10 @@ def test_variants_cross_model_forms() -> None:
     assert study.track("plain").damping_convention == "damping_ratio"
     assert dict(study.softening("soft").curves)["subgrade"].kind == "darendeli"
     assert study.softening("plain") is None
-    plain, corner = (initial_profiles(study, range(2), name) for name in ("plain", "corner"))
+    plain, corner = (study.initial_profiles(name).sample(range(2)) for name in ("plain", "corner"))
     assert not np.allclose(plain, corner)
     np.testing.assert_allclose(np.angle(plain), np.angle(corner))  # the same random numbers
-    keys = {step_b_key(study, name, study.scenario_names[0]) for name in study.variant_names}
+    keys = {study.step_b_key(name, study.scenario_names[0]) for name in study.variant_names}
     assert len(keys) == len(variants)
 
 

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from mcsettle.cli.app import app
 from mcsettle.errors import InputError
 from mcsettle.railway.ground_profiles import Columns, read_grounds, slab_materials, slabs
+from mcsettle.run.options import RunOptions
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import load_study, resolved_toml
 from mcsettle.summary.segments import ground_report, weighted_quantiles
@@ -99,7 +100,7 @@ def test_a_run_goes_on_and_reports_by_segment(folder: Path, fresh_cache: Path) -
 
     out = folder / "out"
     own = study(folder)
-    first = run_study(own, out, parameter_sets=2)
+    first = run_study(own, out, RunOptions(parameter_sets=2))
     assert first.n_failed == 0
     finished = run_study(own, out)
     assert finished.n_failed == 2 * 4  # one ground, two scenarios, four tracks

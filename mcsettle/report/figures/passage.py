@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mcsettle.railway.irregularity import to_space
+from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.report.figures.style import COLOURS, GREY, note, styled
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.passage import settlement_of_passage
-from mcsettle.step_b.settlement import SettlementModel
 from mcsettle.step_b.stress import deviatoric_stress
 from mcsettle.units import KPA, MM
 

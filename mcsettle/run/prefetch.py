@@ -13,46 +13,46 @@ from contextlib import ExitStack, suppress
 from types import TracebackType
 
 from mcsettle.errors import InputError, NumericalError
+from mcsettle.railway.scene import Scene
 from mcsettle.railway.track import SectionTrack
-from mcsettle.run.transfers import Shelf, needs, step_a
-from mcsettle.study.study import Study
+from mcsettle.step_a.transfers import TransferStore, needs, step_a
 from mcsettle.types import Progress
 
 WORTHWHILE: type = SectionTrack  # a beam's Step A takes less than a process takes to start
 
 
-class Ahead:
+class Prefetch:
     """A window of Step A's in flight; ``wait`` before a set is needed.
 
     Parameters
     ----------
-    studies : the parameter sets still to run, in their order, by index
-    shelf : what is at hand already; sets that need nothing else cost nothing here
+    scenes : those of the parameter sets still to run, in their order, by index
+    shared_transfers : what is at hand already; sets that need nothing else cost nothing here
     processes : at most so many; with one, or fewer than two sets to compute, nothing is started
     progress : called as progress(stage, done, total)
     """
 
     def __init__(
         self,
-        studies: Mapping[int, Study],
-        shelf: Shelf,
+        scenes: Mapping[int, tuple[Scene, ...]],
+        shared_transfers: TransferStore,
         processes: int,
         progress: Progress | None = None,
     ) -> None:
-        self.shelf, self.processes, self.progress = shelf, processes, progress
-        self.left: list[tuple[int, Study]] = []
-        seen = set(shelf.found)
-        for index, study in studies.items():
-            own = needs(study, shelf)
-            if not own <= seen and any(isinstance(key[0], WORTHWHILE) for key in own):
-                self.left.append((index, study))
-                seen |= own
+        self.shared_transfers, self.processes, self.progress = shared_transfers, processes, progress
+        self.left: list[tuple[int, tuple[Scene, ...]]] = []
+        seen = set(shared_transfers.transfers)
+        for index, of_set in scenes.items():
+            keys = needs(of_set, shared_transfers)
+            if not keys <= seen and any(isinstance(key[0], WORTHWHILE) for key in keys):
+                self.left.append((index, of_set))
+                seen |= keys
         self.total, self.done = len(self.left), 0
         self.running: dict[int, Future[None]] = {}
         self.stack = ExitStack()
         self.pool: ProcessPoolExecutor | None = None
 
-    def __enter__(self) -> "Ahead":
+    def __enter__(self) -> "Prefetch":
         if self.processes > 1 and self.total > 1:
             from mcsettle.step_a.fem25d.section_response import worker_environment
 
@@ -80,7 +80,7 @@ class Ahead:
         found = self.running.pop(index, None)
         for passed in [k for k in self.running if k < index]:  # their rows were there after all
             self.running.pop(passed).cancel()
-        self.left = [(k, study) for k, study in self.left if k > index]
+        self.left = [(k, of_set) for k, of_set in self.left if k > index]
         if self.pool is not None:
             self._fill()
         if found is None:
@@ -94,12 +94,15 @@ class Ahead:
     def _fill(self) -> None:
         assert self.pool is not None
         while self.left and len(self.running) <= self.processes:
-            index, study = self.left.pop(0)
+            index, of_set = self.left.pop(0)
             self.running[index] = self.pool.submit(
-                _computed, study, self.shelf.axle_loads, self.shelf.many_grounds
+                _computed,
+                of_set,
+                self.shared_transfers.axle_loads,
+                self.shared_transfers.many_grounds,
             )
 
 
-def _computed(study: Study, axle_loads: dict[str, float], many_grounds: bool) -> None:
+def _computed(scenes: tuple[Scene, ...], axle_loads: dict[str, float], many_grounds: bool) -> None:
     """Step A of one parameter set, into the cache folder."""
-    step_a(study, shelf=Shelf(axle_loads=axle_loads, many_grounds=many_grounds))
+    step_a(scenes, store=TransferStore(axle_loads=axle_loads, many_grounds=many_grounds))

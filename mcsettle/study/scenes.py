@@ -1,0 +1,80 @@
+"""What the model needs of a study: one ``Scene`` for each variant and scenario."""
+
+import hashlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mcsettle.railway.initial_profiles import InitialProfiles, MeasuredSections
+from mcsettle.railway.irregularity import wavenumbers
+from mcsettle.railway.scene import Scene
+from mcsettle.units import DAYS_PER_YEAR, MM
+
+if TYPE_CHECKING:
+    from mcsettle.study.study import Study
+
+
+def build_scene(study: "Study", variant: str, scenario: str) -> Scene:
+    """The scene of one variant and scenario."""
+    settings, track, run = study.settlement_settings(variant), study.track(variant), study.run
+    return Scene(
+        variant=variant,
+        scenario=scenario,
+        track=track,
+        timetable=study.timetable(scenario),
+        settlement=settings.model(track),
+        integration_depth=settings.integration_depth_m,
+        softening=study.softening(variant),
+        contact=study.track_table.hertz_stiffness_n_per_m,
+        profiles=build_initial_profiles(study, variant),
+        sd_limit=study.limit.sd_limit,
+        horizon=study.limit.horizon_days,
+        sample_days=study.sample_days,
+        stepping=run.stepping,
+        right_hand_side=run.right_hand_side,
+        precision=run.precision,
+    )
+
+
+def build_initial_profiles(study: "Study", variant: str | None = None) -> InitialProfiles:
+    """Where the initial profiles of ``variant`` come from (None: as the study says)."""
+    profile, record, measured = study.profile, study.record(), None
+    name, number = profile.spectrum, profile.fra_class
+    if variant is not None:
+        table = study.variant(variant)
+        name, number = table.spectrum or name, table.fra_class or number
+    if record is not None and profile.record is not None:
+        choice = profile.record
+        noise = (choice.noise_mm or 0.0) * MM
+        measured = MeasuredSections(record.sections, choice.ensemble, choice.section, noise)
+    return InitialProfiles(
+        profile.window_m, profile_wavenumbers(study), study.seed, name, number, profile.sd, measured
+    )
+
+
+def profile_wavenumbers(study: "Study") -> np.ndarray:
+    """Wavenumbers [K] rad/m of the profile's modes."""
+    profile = study.profile
+    return wavenumbers(profile.window_m, profile.shortest_m, profile.longest_m)
+
+
+def recorded_days(study: "Study") -> np.ndarray:
+    """Days [H] on which the SD is recorded: the study's, the start and the first year."""
+    days = {0.0, DAYS_PER_YEAR, *study.run.history_days}
+    return np.array(sorted(day for day in days if day <= study.limit.horizon_days))
+
+
+def step_b_key(study: "Study", variant: str, scenario: str) -> str:
+    """Digest of all that decides the rows of Step B: parameter sets of equal key have equal rows."""
+    run = study.run
+    parts = (
+        study.track_table,  # what the track is made of, and how it is modelled
+        study.variant(variant),
+        study.settlement_settings(variant),
+        study.timetable(scenario),
+        study.profile,
+        study.limit,
+        study.seed,
+        (run.stepping, run.right_hand_side, run.precision, run.history_days),
+    )
+    return hashlib.sha256("\n".join(map(repr, parts)).encode()).hexdigest()
