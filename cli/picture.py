@@ -33,9 +33,11 @@ def draw(results: "Results", rows: "list[SummaryRow]", folder: Path, path: Path)
     from mcsettle.report.material import Material
     from mcsettle.report.words import unit_words
     from mcsettle.storage.provenance import read_provenance
+    from mcsettle.summary.answers import answers
 
-    variant = results.study.variants[0]
-    material = Material(results, tuple(rows), read_provenance(folder), variant.name)
+    answer = answers(results)
+    variant = results.study.variant(answer.form)
+    material = Material(results, tuple(rows), answer, read_provenance(folder))
     costs = spreads(material, "marginal_cost") if material.compared else []
     change = results.study.change(material.compared[0]) if material.compared else None
     label = "" if change is None else f"marginal cost\n[{unit_words(change.unit)}]"

@@ -143,8 +143,8 @@ class _Reading:
                 self.faults.append(notation_fault(name, texts, lines, unit))
             return values
         values = self.numbers(name)
-        texts = None if isinstance(column, np.ndarray) else column
-        positional = looks_positional(values, unit, texts)
+        as_written = None if isinstance(column, np.ndarray) else column
+        positional = looks_positional(values, unit, as_written)
         if positional is not None:
             self.faults.append(f"column '{name}': {positional}")
         return values * CHAINAGE_UNITS[unit]

@@ -53,7 +53,7 @@ def _lines(block: object) -> list[str]:
     if isinstance(block, Text):
         return [_escaped(block.text), ""]
     if isinstance(block, Lead):
-        worth = f" Supported: {USE[block.verdict]} ({block.reason})." if block.verdict else ""  # type: ignore[index]
+        worth = f" Supported: {USE[block.verdict]} ({block.reason})." if block.verdict else ""
         return [_escaped(block.text + worth), ""]
     if isinstance(block, Columns):
         return [line for part in block.parts for inner in part for line in _lines(inner)]

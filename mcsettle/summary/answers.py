@@ -176,7 +176,10 @@ class _Pairs:
         (base, base_end), (days, end) = (
             _matrices(own[own["scenario"] == name], (INTERVAL, CENSORED), own) for name in names
         )
-        return cls(*(np.where(valid, a, np.nan) for a in (base, days, base_end, end)), valid)
+        base, days, base_end, end = (
+            np.where(valid, part, np.nan) for part in (base, days, base_end, end)
+        )
+        return cls(base, days, base_end, end, valid)
 
     @property
     def known(self) -> np.ndarray:
