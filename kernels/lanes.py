@@ -11,13 +11,29 @@ import numpy as np
 import taichi as ti
 
 from mcsettle.kernels import pointwise
-from mcsettle.kernels.spectral import CAPACITY, LANES, Tables, burst, workspace
+from mcsettle.kernels.burst import burst
+from mcsettle.kernels.spectral import CAPACITY, LANES, Tables, workspace
+from mcsettle.kernels.varying import fields_of
 
 LAUNCH = 1e10  # floating-point operations in one launch: some tenths of a second on two cores
 
 
 class March:
-    """Up to CAPACITY realisations [R], of which the active ones occupy lanes; spectral growth."""
+    """Up to CAPACITY realisations [R], of which the active ones occupy lanes; spectral growth.
+
+    Parameters
+    ----------
+    amplitudes : complex [R, K], m
+    power_limit : 2 sd_limit², m²
+    tables : index tables of the pairs of modes
+    n_groups : settlement groups
+    precision : "f64" or "f32"
+    factor : [R] of each realisation's settlement; default 1
+    following : [K] what the rail follows; default 1
+    waves : [R, F M, 2] of the fields of susceptibility; default none
+    multipliers : [F, G] of the fields in the groups
+    first : mode number of the band
+    """
 
     def __init__(
         self,
@@ -26,12 +42,21 @@ class March:
         tables: Tables,
         n_groups: int,
         precision: str = "f64",
+        factor: np.ndarray | None = None,
+        following: np.ndarray | None = None,
+        waves: np.ndarray | None = None,
+        multipliers: np.ndarray | None = None,
+        first: int = 1,
     ) -> None:
         n_real, n_modes = amplitudes.shape
         if n_real > CAPACITY:
             raise ValueError(f"{n_real} realisations; at most {CAPACITY} in one batch")
         self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
         self.precision, self.lanes = precision, LANES[precision]
+        self._factor = np.ones(n_real) if factor is None else np.asarray(factor, dtype=float)
+        self.following = np.ones(n_modes) if following is None else following
+        self.multipliers = np.zeros((1, n_groups)) if multipliers is None else multipliers
+        self._waves, self.first = waves, first
         self.fields = self._workspace(n_modes)
         self._u = np.array(amplitudes, dtype=complex)
         self._active = np.sum(np.abs(amplitudes) ** 2, axis=1) < power_limit
@@ -59,13 +84,16 @@ class March:
             self._load(np.flatnonzero(self._active))
 
     def _workspace(self, n_modes: int) -> Any:
+        n_rows = 0 if self._waves is None else self._waves.shape[1]
+        self.varying = fields_of(n_modes, n_rows, self.precision)
         return workspace(n_modes, self.n_groups, self.precision)
 
     def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
         w = self.fields
         burst(
-            load, weights, *coefficients, *self.tables, self.power_limit,
-            self.n_tiles, self.n_groups, w.state,
+            load, weights, *coefficients, *self.tables, self.multipliers, self.following, self.first,
+            self.power_limit,
+            self.n_tiles, self.n_groups, self._waves is not None, self.varying, w.state,
         )  # fmt: skip
 
     def burst_size(self) -> int:
@@ -113,9 +141,18 @@ class March:
         room[:, :n_modes, 0], room[:, :n_modes, 1] = u.real, u.imag
         w.u.from_numpy(self._tiled(room))
         self._copy(room)
-        w.factor.from_numpy(self._tiled(self._active[rows].astype(float)))
+        w.factor.from_numpy(self._tiled(self._active[rows] * self._factor[rows]))
+        self._load_waves(rows)
         w.uniform.from_numpy(self._tiled(self._uniform[rows]))
         w.passages.from_numpy(self._tiled(self._updates[rows]))
+
+    def _load_waves(self, rows: np.ndarray) -> None:
+        """Put the fields of the realisations ``rows`` into their lanes."""
+        if self._waves is not None:
+            waves = self._tiled(self._waves[rows])
+            self.varying.h.from_numpy(
+                waves.astype(np.float32) if self.precision == "f32" else waves
+            )
 
     def _copy(self, amplitudes: np.ndarray) -> None:
         """The copy of the state that single precision computes from."""
@@ -148,11 +185,14 @@ class March:
 
 
 class PointwiseMarch(March):
-    """The same with growth at every x and depth; ``tables`` are those of the pointwise kernel."""
+    """The same with growth at every x and depth.
+
+    ``tables`` are those of the pointwise kernel, ``waves`` its factors [R, P X] of the strain.
+    """
 
     def burst_size(self) -> int:
         """Updates per launch, so that progress and Ctrl-C work."""
-        start, kind, wave = self.tables[0], self.tables[1], self.tables[6]
+        start, kind, wave = (self.tables[i] for i in (0, 1, 6))
         transforms = len(kind) / (len(start) - 1)
         return max(
             16, int(LAUNCH / (max(self.n_tiles, 1) * self.lanes * 40 * transforms * len(wave)))
@@ -163,13 +203,18 @@ class PointwiseMarch(March):
 
     def _workspace(self, n_modes: int) -> Any:
         n_points = len(self.tables[6])
-        w = pointwise.workspace(n_modes, n_points, self.n_groups, self.precision)
+        n_factors = 0 if self._waves is None else self._waves.shape[1]
+        w = pointwise.workspace(n_modes, n_points, self.n_groups, self.precision, n_factors)
         w.scratch.own.fill(1.0)
         return w
+
+    def _load_waves(self, rows: np.ndarray) -> None:
+        if self._waves is not None:
+            self.fields.scratch.factors.from_numpy(self._tiled(self._waves[rows]))
 
     def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
         w = self.fields
         pointwise.burst(
-            load, weights, *self.tables, w.scratch, 0, self.power_limit,
-            self.n_tiles, self.n_groups, w.state,
+            load, weights, *self.tables, self.following, w.scratch, 0, self.power_limit,
+            self.n_tiles, self.n_groups, self._waves is not None, w.state,
         )  # fmt: skip

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
-from mcsettle.kernels.fourier import forwards, pass_back, stages
+from mcsettle.kernels.fourier import POINTS, forwards, pass_back, stages
 from mcsettle.kernels.pointwise_tile import (
     GROUPS,
     Rows,
+    add_fields,
     add_linear,
     add_power,
     add_squares,
@@ -35,19 +36,22 @@ from mcsettle.kernels.pointwise_tile import (
 from mcsettle.kernels.spectral import CAPACITY, LANES, PRECISIONS, State, step_on
 
 WORKERS = 16
-# What becomes of a transform's fields: squares, two deviators of a first or next depth, their third.
-SQUARES, BEGIN, NEXT = 0, 1, 2
+# What becomes of a transform's fields: squares, two deviators of a first or next depth, their third
+# (3), or the fields as they are.
+SQUARES, BEGIN, NEXT, PLAIN = 0, 1, 2, 4
 
 
 @dataclass(frozen=True)
 class Scratch:
     """Arrays over x of the workers, ``w`` [worker, row, lane], where their rows begin, and what each
-    realisation's growth of the cycle functions is multiplied by, ``own`` [tile, group, lane].
+    realisation's growth of the cycle functions is multiplied by, ``own`` [tile, group, lane]; where the
+    support varies ``factors`` [tile, P X, lane] of the strain in P parts, x in the transforms' order.
     """
 
     rows: Rows
     own: ti.Field
     w: ti.Field
+    factors: ti.Field
 
 
 @dataclass(frozen=True)
@@ -59,23 +63,26 @@ class Workspace:
     owner: list[object]
 
 
-def workspace(n_modes: int, n_points: int, n_groups: int, precision: str = "f64") -> Workspace:
+def workspace(
+    n_modes: int, n_points: int, n_groups: int, precision: str = "f64", n_factors: int = 0
+) -> Workspace:
     """Room for such a band and grid, rounded up: another shape compiles the kernels again."""
     if n_groups > GROUPS:
         raise ValueError(f"{n_groups} settling layers; at most {GROUPS} here")
-    return _allocated(-(-n_modes // 64) * 64, n_points, precision)
+    return _allocated(-(-n_modes // 64) * 64, n_points, precision, n_factors)
 
 
 @functools.cache
-def _allocated(n_modes: int, n_points: int, precision: str) -> Workspace:
-    rows, lanes = rows_of(n_points), LANES[precision]
+def _allocated(n_modes: int, n_points: int, precision: str, n_factors: int) -> Workspace:
+    rows, lanes = rows_of(n_points, n_factors > 0), LANES[precision]
     n_tiles = CAPACITY // lanes
     u, d = (ti.field(ti.f64, shape=(n_tiles, n_modes, 2, lanes)) for _ in range(2))
     own = ti.field(ti.f64, shape=(n_tiles, GROUPS, lanes))
     factor, uniform = (ti.field(ti.f64, shape=(n_tiles, lanes)) for _ in range(2))
     passages = ti.field(ti.i64, shape=(n_tiles, lanes))
     w = ti.field(PRECISIONS[precision], shape=(WORKERS, rows.count, lanes))
-    return Workspace(State(u, u, d, factor, uniform, passages), Scratch(rows, own, w), [])
+    factors = ti.field(ti.f64, shape=(n_tiles, max(n_factors, 1), lanes))
+    return Workspace(State(u, u, d, factor, uniform, passages), Scratch(rows, own, w, factors), [])
 
 
 @ti.kernel
@@ -92,11 +99,14 @@ def burst(
     constant: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [J, G]
     wave: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [X, 2] cos, sin of 2π x / X
     band: ti.types.ndarray(dtype=ti.i32, ndim=1),  # first mode; butterflies of two modes: from, to
+    closes: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [T] part that ends with the transform, or −1
+    following: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [K] what the rail follows
     scratch: ti.template(),
     frozen: ti.i32,  # 1: profiles stay as they are, their growth adds up in ``state.d``
     power_limit: ti.f64,  # 2 sd_limit²
     n_tiles: ti.i32,
     n_groups: ti.i32,
+    varies: ti.template(),  # whether the strain has factors
     state: ti.template(),
 ):
     """Advance every active realisation by the given passages, or collect its growth under them."""
@@ -117,6 +127,8 @@ def burst(
                 if frozen == 0 or step == 0:
                     clear_rows(p, scratch.rows.settled, scratch.rows.squared[0], w)
                     clear_rows(p, scratch.rows.grown, scratch.rows.weights, w)
+                    if ti.static(varies):
+                        clear_rows(p, scratch.rows.gathered, scratch.rows.count, w)
                     take_up(p, t, scratch.rows, n_modes, first, state.u, w)
                 weigh(p, t, j, step, n_groups, growth, constant, scratch, state)
                 add_linear(p, scratch.rows, j, first, linear, w)
@@ -144,15 +156,48 @@ def burst(
                             begin_power(p, begin, scratch.rows, 0, w)
                         elif kind[c, 0] == NEXT:
                             begin_power(p, begin, scratch.rows, 1, w)
+                        elif kind[c, 0] == PLAIN:
+                            add_fields(p, begin, scratch.rows, w)
                         else:
                             add_power(p, begin, law[c, 1], scratch.rows, w)
+                    if ti.static(varies):
+                        if closes[c] >= 0:
+                            gather(p, t, closes[c], scratch)
                 # What has settled, back to modes.
                 if frozen == 0 or step == axle.shape[0] - 1:
+                    if ti.static(varies):
+                        take_gathered(p, scratch)
                     forwards(w, p, scratch.rows.settled, scratch.rows.q, scratch.rows.points, wave)
                     collect(p, t, scratch.rows, n_modes, first, wave, state, w)
                     give_back(p, t, scratch.rows, n_modes, first, state.d, w)
                 if frozen == 0:
-                    step_on(t, n_modes, power_limit, state)
+                    step_on(t, n_modes, power_limit, following, state)
+
+
+@ti.func
+def gather(p: int, t: int, part: int, scratch: ti.template()):
+    """Multiply what a part of the groups has settled at every x, and begin the next part."""
+    w, factors = ti.static(scratch.w, scratch.factors)
+    q, s, g = ti.static(scratch.rows.q, scratch.rows.settled, scratch.rows.gathered)
+    quarter = ti.static(scratch.rows.points // 4)
+    for n in range(scratch.rows.points):
+        i = ((n // quarter) * q + n % quarter) & POINTS
+        at = part * scratch.rows.points + n
+        for lane in range(w.shape[2]):
+            factor = ti.cast(factors[t, at, lane], w.dtype)
+            w[p, i + g, lane] = w[p, i + g, lane] + factor * w[p, i + s, lane]
+            w[p, i + s, lane] = 0.0
+
+
+@ti.func
+def take_gathered(p: int, scratch: ti.template()):
+    """What has settled in all parts."""
+    w = ti.static(scratch.w)
+    s, g = ti.static(scratch.rows.settled, scratch.rows.gathered)
+    for row in range(4 * scratch.rows.q):
+        i = row & POINTS
+        for lane in range(w.shape[2]):
+            w[p, i + s, lane] = w[p, i + g, lane]
 
 
 @ti.kernel
@@ -177,6 +222,21 @@ def fill(
 
 
 @ti.kernel
+def put_factors(
+    factors: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [R, P X]
+    n_tiles: ti.i32,
+    to: ti.template(),
+):
+    """Put the factors of the strain into lanes; those left over repeat the last."""
+    for t in range(n_tiles):
+        for row in range(factors.shape[1]):
+            for lane in range(to.shape[2]):
+                to[t, row, lane] = factors[
+                    ti.min(t * to.shape[2] + lane, factors.shape[0] - 1), row
+                ]
+
+
+@ti.kernel
 def fetch(
     d: ti.template(),
     uniform: ti.template(),
@@ -197,18 +257,24 @@ def evaluate(
     u: np.ndarray,  # [R, K, 2]
     weights: np.ndarray,  # [R, G]
     axles: np.ndarray,  # [N]
-    tables: tuple[np.ndarray, ...],  # ``start`` to ``band`` of ``burst``
+    tables: tuple[np.ndarray, ...],  # ``start`` to ``closes`` of ``burst``
+    factors: np.ndarray | None,  # [R, P X] of the strain, or none
     change: np.ndarray,  # [R, K, 2], written
     uniform: np.ndarray,  # [R], written
 ) -> None:
     """Growth under ``axles`` at frozen profiles, any number of realisations."""
     n_groups = weights.shape[1]
-    w = workspace(u.shape[1], len(tables[6]), n_groups)
+    varies = factors is not None
+    n_factors = 0 if factors is None else factors.shape[1]
+    w = workspace(u.shape[1], len(tables[6]), n_groups, "f64", n_factors)
+    follows = np.ones(u.shape[1])
     w.owner[:] = ["evaluate"]
     ones = np.ones((len(axles), n_groups))
     for first in range(0, len(u), CAPACITY):
         part = slice(first, min(first + CAPACITY, len(u)))
         n_tiles = -(-(part.stop - first) // LANES["f64"])
         fill(u[part], weights[part], n_tiles, w.scratch.own, w.state)
-        burst(axles, ones, *tables, w.scratch, 1, 0.0, n_tiles, n_groups, w.state)
+        if factors is not None:
+            put_factors(factors[part], n_tiles, w.scratch.factors)
+        burst(axles, ones, *tables, follows, w.scratch, 1, 0.0, n_tiles, n_groups, varies, w.state)
         fetch(w.state.d, w.state.uniform, change[part], uniform[part])

@@ -30,7 +30,7 @@ class Rows:
     imaginary ones at ``im``. ``settled`` and ``squared``: settlement and σ_d² of two depths at every
     point. Amplitudes by mode number: ``up`` U_n at row n, ``down`` at row N/2 − n, ``grown`` their
     growth at n, imaginary parts ``half`` further on. ``weights`` of the groups, then ``picked`` ones;
-    ``count`` in all.
+    ``gathered`` what has settled in the parts that are done; ``count`` in all.
     """
 
     points: int
@@ -44,11 +44,12 @@ class Rows:
     grown: int
     weights: int
     picked: int
+    gathered: int
     count: int
 
 
-def rows_of(points: int) -> Rows:
-    """The scratch rows of a grid of N points."""
+def rows_of(points: int, varies: bool = False) -> Rows:
+    """The scratch rows of a grid of N points; with ``gathered`` ones where the support varies."""
     q, half = points // 4 + PAD, points // 2 + PAD
     im = 4 * q + PAD
     up = 5 * im
@@ -66,7 +67,8 @@ def rows_of(points: int) -> Rows:
         grown=up + 4 * half,
         weights=weights,
         picked=picked,
-        count=picked + 2,
+        gathered=picked + 2,
+        count=picked + 2 + (im if varies else 0),
     )
 
 
@@ -246,6 +248,23 @@ def add_squares(p: int, begin: int, rows: ti.template(), w: ti.template()):
             w[p, i + s + 1, lane] = w[p, i + s + 1, lane] + (wa * (x1 * x1) + wb * (y1 * y1))
             w[p, i + s + 2, lane] = w[p, i + s + 2, lane] + (wa * (x2 * x2) + wb * (y2 * y2))
             w[p, i + s + 3, lane] = w[p, i + s + 3, lane] + (wa * (x3 * x3) + wb * (y3 * y3))
+
+
+@ti.func
+def add_fields(p: int, begin: int, rows: ti.template(), w: ti.template()):
+    """Last pass of a transform whose two fields settle as they are: a quarter of the points."""
+    s = ti.static(rows.settled)
+    weights = ti.static(rows.picked)
+    for n in range(rows.points // 16):
+        i = (begin + 4 * n) & POINTS
+        for lane in range(w.shape[2]):
+            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(w, p, i, 1, rows.im, lane)
+            wa = w[p, weights, lane]
+            wb = w[p, weights + 1, lane]
+            w[p, i + s, lane] = w[p, i + s, lane] + (wa * x0 + wb * y0)
+            w[p, i + s + 1, lane] = w[p, i + s + 1, lane] + (wa * x1 + wb * y1)
+            w[p, i + s + 2, lane] = w[p, i + s + 2, lane] + (wa * x2 + wb * y2)
+            w[p, i + s + 3, lane] = w[p, i + s + 3, lane] + (wa * x3 + wb * y3)
 
 
 @ti.func

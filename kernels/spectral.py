@@ -223,15 +223,22 @@ def product(t: int, i: int, j: int, lane: int, conjugate: ti.template(), s: ti.t
 
 
 @ti.func
-def step_on(t: int, n_modes: int, power_limit: float, state: ti.template()):
-    """Add the growth to the profiles of a tile; those that reach the limit stop there."""
+def step_on(
+    t: int, n_modes: int, power_limit: float, following: ti.template(), state: ti.template()
+):
+    """Add the growth to the profiles of a tile; those that reach the limit stop there.
+
+    ``following`` [K]: what the rail follows of it.
+    """
     lanes = ti.static(state.u.shape[3])
     power = ti.Vector.zero(ti.f64, lanes)
     for mode in range(n_modes):
         k = mode & ROWS
+        follows = following[k]
         for lane in range(lanes):
-            x = state.u[t, k, 0, lane] + state.factor[t, lane] * state.d[t, k, 0, lane]
-            y = state.u[t, k, 1, lane] + state.factor[t, lane] * state.d[t, k, 1, lane]
+            own = state.factor[t, lane] * follows
+            x = state.u[t, k, 0, lane] + own * state.d[t, k, 0, lane]
+            y = state.u[t, k, 1, lane] + own * state.d[t, k, 1, lane]
             state.u[t, k, 0, lane] = x
             state.u[t, k, 1, lane] = y
             power[lane] = power[lane] + (x * x + y * y)
@@ -241,110 +248,3 @@ def step_on(t: int, n_modes: int, power_limit: float, state: ti.template()):
             # Written so that an amplitude that is no number stops, too.
             if not power[lane] < power_limit:
                 state.factor[t, lane] = 0.0
-
-
-@ti.kernel
-def burst(
-    axle: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] form of each passage, in order
-    weight: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [N, G] growth of the cycle functions
-    form: ti.types.ndarray(dtype=ti.f64, ndim=4),  # [A, G, K + P + M, 2]
-    constant: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [A, G]
-    mean: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [A, G, K]
-    sums: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [P, 2]
-    sum_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
-    diffs: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [M, 2]
-    diff_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
-    power_limit: ti.f64,  # 2 sd_limit²
-    n_tiles: ti.i32,
-    n_groups: ti.template(),
-    state: ti.template(),
-):
-    """Advance every active realisation by the given passages, one update each.
-
-    A realisation whose Σ|U|² reaches ``power_limit`` stops there: its ``factor`` falls to 0 and
-    ``passages`` keeps the count.
-    """
-    n_modes = sum_start.shape[0] - 1
-    lanes = ti.static(state.v.shape[3])
-    for tile in range(n_tiles):
-        t = tile & (state.v.shape[0] - 1)
-        state.d[t, 0, 0, 0] = state.v[t, 0, 0, 0]  # see the module's note on vectorisation
-        re = ti.Vector.zero(state.d.dtype, lanes)
-        im = ti.Vector.zero(state.d.dtype, lanes)
-        for step in range(axle.shape[0]):
-            a = axle[step]
-            w = ti.Vector([weight[step, g] for g in ti.static(range(n_groups))])
-            # What settles whatever the profile.
-            c0 = 0.0
-            for g in ti.static(range(n_groups)):
-                c0 = c0 + w[g] * constant[a, g]
-            for lane in range(lanes):
-                state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * c0
-            for mode in range(n_modes):
-                n = mode & ROWS
-                common_linear(t, a, n, w, form, mean, n_groups, state, re, im)
-                # Pairs of modes whose numbers add up to n, then those that differ by n.
-                for p in range(sum_start[n], sum_start[n + 1]):
-                    common_product(
-                        t, a, n_modes + p, p, sums, form, w, n_groups, False, state, re, im
-                    )
-                row = n_modes + sums.shape[0]
-                for p in range(diff_start[n], diff_start[n + 1]):
-                    common_product(t, a, row + p, p, diffs, form, w, n_groups, True, state, re, im)
-                for lane in range(lanes):
-                    state.d[t, n, 0, lane] = re[lane]
-                    state.d[t, n, 1, lane] = im[lane]
-            step_on(t, n_modes, power_limit, state)
-            # Single precision computes the next growth from a copy.
-            if ti.static(state.v.dtype != state.u.dtype):
-                for k in range(n_modes):
-                    for lane in range(lanes):
-                        state.v[t, k, 0, lane] = ti.cast(state.u[t, k, 0, lane], state.v.dtype)
-                        state.v[t, k, 1, lane] = ti.cast(state.u[t, k, 1, lane], state.v.dtype)
-
-
-@ti.func
-def common_linear(
-    t: int, a: int, n: int, w: ti.template(), form: ti.template(), mean: ti.template(),
-    n_groups: ti.template(), state: ti.template(), re: ti.template(), im: ti.template(),
-):  # fmt: skip
-    """Begin the growth of mode n with its linear part; add what it settles uniformly."""
-    ca = 0.0
-    cb = 0.0
-    cg = 0.0
-    for g in ti.static(range(n_groups)):
-        ca = ca + w[g] * form[a, g, n, 0]
-        cb = cb + w[g] * form[a, g, n, 1]
-        cg = cg + w[g] * mean[a, g, n]
-    la = ti.cast(ca, state.d.dtype)
-    lb = ti.cast(cb, state.d.dtype)
-    for lane in range(state.v.shape[3]):
-        x = state.v[t, n, 0, lane]
-        y = state.v[t, n, 1, lane]
-        re[lane] = la * x - lb * y
-        im[lane] = la * y + lb * x
-        state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * cg * (
-            x * x + y * y
-        )
-
-
-@ti.func
-def common_product(
-    t: int, a: int, row: int, p: int, pairs: ti.template(), form: ti.template(), w: ti.template(),
-    n_groups: ti.template(), conjugate: ti.template(), state: ti.template(),
-    re: ti.template(), im: ti.template(),
-):  # fmt: skip
-    """Add a product of two modes, its coefficient the same in every lane."""
-    i = pairs[p, 0] & ROWS
-    j = pairs[p, 1] & ROWS
-    ta = 0.0
-    tb = 0.0
-    for g in ti.static(range(n_groups)):
-        ta = ta + w[g] * form[a, g, row, 0]
-        tb = tb + w[g] * form[a, g, row, 1]
-    pa = ti.cast(ta, state.d.dtype)
-    pb = ti.cast(tb, state.d.dtype)
-    for lane in range(state.v.shape[3]):
-        xr, xi = product(t, i, j, lane, conjugate, state.v)
-        re[lane] = re[lane] + (pa * xr - pb * xi)
-        im[lane] = im[lane] + (pa * xi + pb * xr)

@@ -123,9 +123,14 @@ def sample_profiles(
     return profiles
 
 
-def random_amplitudes(seed: int, index: int, n_modes: int) -> np.ndarray:
-    """Complex normal numbers [K] of one address, of unit variance in each part."""
-    normals = _normals(seed, index, n_modes)
+def random_amplitudes(
+    seed: int, index: int, n_modes: int, stream: tuple[int, int] = (0, 0)
+) -> np.ndarray:
+    """Complex normal numbers [K] of one address, of unit variance in each part.
+
+    Each ``stream`` of an address has numbers of its own; (0, 0) is that of the profile.
+    """
+    normals = _normals(seed, index, n_modes, stream)
     return np.asarray(normals[:, 0] + 1j * normals[:, 1])
 
 
@@ -223,13 +228,16 @@ def to_space(profiles: np.ndarray, wavenumbers: np.ndarray, x: np.ndarray) -> np
     return heights
 
 
-def _normals(seed: int, index: int, n_modes: int) -> np.ndarray:
+def _normals(seed: int, index: int, n_modes: int, stream: tuple[int, int] = (0, 0)) -> np.ndarray:
     """Standard normals of one address, shape [K, 2]; more modes leave the first ones alone."""
     for name, number in (("seed", seed), ("realisation index", index)):
         if not 0 <= number < 2**64:
             raise InputError(f"{name} is {number}; it must lie between 0 and 2**64 - 1")
     key = np.array([seed, index], dtype=np.uint64)
-    return np.random.Generator(np.random.Philox(key=key)).standard_normal((n_modes, 2))
+    # Streams begin 2¹²⁸ numbers apart.
+    counter = np.array([0, 0, *stream], dtype=np.uint64)
+    generator = np.random.Generator(np.random.Philox(key=key, counter=counter))
+    return generator.standard_normal((n_modes, 2))
 
 
 def _row_sum(terms: np.ndarray) -> np.ndarray:

@@ -62,6 +62,18 @@ class BeamResponse:
         rail, support = self.track.rail, self.track.support_stiffness
         return float((4.0 * support * rail.bending_stiffness / rail.mass_per_length**2) ** 0.25)
 
+    @property
+    def rail_bending_stiffness(self) -> float:
+        """EI of one rail [N m²]."""
+        return self.track.rail.bending_stiffness
+
+    def standing(self, wavenumbers: Array) -> tuple[Array, ComplexArray]:
+        """Response to a standing load at ``wavenumbers`` [K] rad/m; see ``TrackResponse``."""
+        k, s = np.asarray(wavenumbers, dtype=float), self.track.support_stiffness
+        receptance = 0.5 / (self.rail_bending_stiffness * k**4 + s)
+        kernel = reaction_stress(self.track, self.grid, k)
+        return receptance, 2.0 * s * receptance[:, None, None] * kernel
+
     def spectra(self, speed: float, omegas: Array) -> Iterator[WavenumberSpectra]:
         """Spectra at ``speed`` [m/s] for each Ω of ``omegas`` [rad/s]; see ``TrackResponse``.
 
@@ -110,10 +122,7 @@ def beam_response(
     grid = depth_grid(track.layers, integration_depth)
     count = math.ceil(cutoff * period / (2.0 * math.pi))
     positive = np.arange(count + 1, dtype=np.float64) * (2.0 * math.pi / period)
-    depths = depth_below_subgrade(track.layers) - grid.z
-    half = np.stack(
-        [strip_stress(positive, d, track.sleeper_length, track.poisson) for d in depths], axis=-1
-    )
+    half = reaction_stress(track, grid, positive)
     description = {
         "model": "beam",
         "track": asdict(track),
@@ -128,6 +137,13 @@ def beam_response(
         kernel=np.concatenate([half[:0:-1].conj(), half]),
         digest=hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest(),
     )
+
+
+def reaction_stress(track: BeamTrack, grid: DepthGrid, wavenumbers: Array) -> ComplexArray:
+    """Stress [Q, 4, Z] Pa per N/m of reaction, spread over the sleepers, at ``wavenumbers`` [Q]."""
+    depths = depth_below_subgrade(track.layers) - grid.z
+    columns = [strip_stress(wavenumbers, d, track.sleeper_length, track.poisson) for d in depths]
+    return np.stack(columns, axis=-1)
 
 
 def beam_spectrum(

@@ -72,6 +72,18 @@ class TrackResponse(Protocol):
         """Hex digest of everything the response depends on."""
         ...
 
+    @property
+    def rail_bending_stiffness(self) -> float:
+        """EI of one rail [N m²]."""
+        ...
+
+    def standing(self, wavenumbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Response to a standing load per wheelset (ω → 0) at ``wavenumbers`` [K] rad/m.
+
+        Receptance [K] m/N·m and stress [K, 4, Z] Pa/N·m, as in ``WavenumberSpectra``.
+        """
+        ...
+
     def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
         """Spectra at ``speed`` [m/s] for each driving frequency Ω of ``omegas`` [rad/s], in order.
 

@@ -18,6 +18,8 @@ class Case:
     """One scenario as the engine sees it, SI but for days.
 
     ``transfers``: one per service of the timetable. ``window`` m, ``sd_limit`` m, ``horizon`` days.
+    ``multipliers`` [F, L] of each field of susceptibility in each track layer (None: the support does not
+    vary); ``following`` [K] the part of the settlement that the rail follows (None: all of it).
     """
 
     timetable: Timetable
@@ -26,6 +28,8 @@ class Case:
     window: float
     sd_limit: float
     horizon: float
+    multipliers: np.ndarray | None = None
+    following: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if len(self.transfers) != len(self.timetable.services):
@@ -37,9 +41,54 @@ class Case:
         return self.transfers[0].wavenumbers
 
     @property
+    def first_mode(self) -> int:
+        """Mode number of the longest wave of the profile."""
+        return int(mode_numbers(self.wavenumbers, self.window)[0])
+
+    @property
     def mode_pairs(self) -> ModePairs:
         """Pairs of modes that together make a third."""
         return mode_pairs(mode_numbers(self.wavenumbers, self.window))
+
+    @property
+    def varies(self) -> bool:
+        """Whether the support varies along the track."""
+        return self.multipliers is not None and len(self.multipliers) > 0
+
+    @property
+    def group_multipliers(self) -> np.ndarray:
+        """Multipliers [F, G] of the fields in the settlement groups; F may be 0."""
+        groups = list(self.model.settling_layers)
+        return (
+            np.zeros((0, len(groups))) if self.multipliers is None else self.multipliers[:, groups]
+        )
+
+    @property
+    def rail_follows(self) -> np.ndarray:
+        """``following`` [K], ones where the rail follows fully."""
+        return np.ones(len(self.wavenumbers)) if self.following is None else self.following
+
+
+@dataclass(frozen=True)
+class Sections:
+    """What tells the sections [R] of a batch apart beside their profiles.
+
+    ``fields`` complex [R, F, M] of susceptibility at modes 1 … M = 2 n_max, None where the support does
+    not vary; ``factor`` [R] multiplies every settlement, None: 1.
+    """
+
+    fields: np.ndarray | None = None
+    factor: np.ndarray | None = None
+
+    def __getitem__(self, rows: np.ndarray) -> "Sections":
+        """Some of them."""
+        return Sections(
+            None if self.fields is None else self.fields[rows],
+            None if self.factor is None else self.factor[rows],
+        )
+
+
+ALIKE = Sections()  # sections that differ in their profiles alone
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_b.case import ALIKE, Case, Outcome, Sections
 from mcsettle.step_b.cycles import daily_weights
-from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
+from mcsettle.step_b.pointwise import load_parts, pointwise_growth, pointwise_load
 from mcsettle.step_b.runge_kutta import integrate
 from mcsettle.step_b.sd_map import Roughness, roughness
-from mcsettle.step_b.spectral import fast_growth, stacked, train_form
+from mcsettle.step_b.spectral import stacked, train_form
+from mcsettle.step_b.susceptibility import VaryingForm, fast_varying_growth
 
-# Maps amplitudes [A, K] and weights [A, E] to the growth of both parts of the state.
-Growth = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+# Maps amplitudes [A, K], weights [A, E] and fields [A, F, M] to the growth of both parts of the state.
+Growth = Callable[[np.ndarray, np.ndarray, np.ndarray | None], tuple[np.ndarray, np.ndarray]]
 TOLERANCE = 1e-6
 
 
@@ -50,6 +51,7 @@ class CycleJump:
         sample_days: np.ndarray,
         factor: np.ndarray | None = None,
         ground_days: np.ndarray | None = None,
+        sections: Sections = ALIKE,
     ) -> Outcome:
         """Run realisations until they reach the limit or the horizon.
 
@@ -60,6 +62,7 @@ class CycleJump:
         factor : [R] multiplies ``settlement_factor``; default 1
         ground_days : [R] days of this traffic that sub-ballast and ground have had before day 0, while
             the ballast begins anew; default 0
+        sections : Sections, where the case has support that varies, or sections differ
 
         Returns
         -------
@@ -75,6 +78,7 @@ class CycleJump:
             self.tolerance,
             factor,
             ground_days,
+            sections,
         )
 
 
@@ -87,11 +91,14 @@ def _integrated(
     tolerance: float,
     factor: np.ndarray | None,
     ground_days: np.ndarray | None,
+    sections: Sections,
 ) -> Outcome:
     model = case.model
     before = min(model.cycles_before(law) for law in model.group_laws)
     scale = before / (model.cycles_per_passage * case.timetable.passages_per_day)
     factors = np.ones(len(amplitudes)) if factor is None else np.asarray(factor, dtype=float)
+    if sections.factor is not None:
+        factors = factors * sections.factor
 
     before_tamping = np.zeros(len(amplitudes)) if ground_days is None else ground_days
 
@@ -99,7 +106,7 @@ def _integrated(
         day = scale * np.expm1(time)
         daily = daily_weights(case, day, before_tamping[rows])
         weights = daily * (factors[rows] * (day + scale))[:, None]
-        change, uniform = growth(state[:, :-1], weights)
+        change, uniform = growth(state[:, :-1], weights, sections[rows].fields)
         return np.concatenate([change, uniform[:, None]], axis=1)
 
     state = np.concatenate([amplitudes, np.zeros((len(amplitudes), 1))], axis=1).astype(complex)
@@ -110,7 +117,7 @@ def _integrated(
     if len(case.timetable.services) > 1 and path.reached.any():
         at = np.flatnonzero(path.reached)
         day[at] = _in_timetable_order(
-            case, growth, path.state[at, :-1], day[at], measure, before_tamping[at]
+            case, growth, path.state[at, :-1], day[at], measure, before_tamping[at], sections[at]
         )
     return Outcome(
         reached=path.reached,
@@ -133,6 +140,7 @@ def _in_timetable_order(
     day: np.ndarray,
     measure: Roughness,
     ground_days: np.ndarray,
+    sections: Sections,
 ) -> np.ndarray:
     """Day-averaged crossing days [A] as days of the ordered timetable.
 
@@ -147,7 +155,7 @@ def _in_timetable_order(
     for s in range(len(services)):
         own = np.zeros_like(weights)
         own[:, s * n_groups : (s + 1) * n_groups] = weights[:, s * n_groups : (s + 1) * n_groups]
-        change, _ = growth(amplitudes, own)
+        change, _ = growth(amplitudes, own, sections.fields)
         shares.append(np.sum(embedded * measure.embed(change), axis=1))
     whole = np.sum(shares, axis=0)
     done, passages, left = np.zeros(len(day)), np.zeros(len(day)), np.ones(len(day), bool)
@@ -169,25 +177,36 @@ def spectral_growth(case: Case) -> Growth:
     """Growth by the second-order form of whole trains."""
     pairs = case.mode_pairs
     form = stacked([train_form(transfer, case.model, pairs) for transfer in case.transfers])
+    multipliers = np.tile(case.group_multipliers, len(case.transfers))
+    varying = VaryingForm(form, multipliers, case.following, case.first_mode)
     packed = form.packed()
 
-    def growth(amplitudes: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return fast_growth(form, packed, amplitudes, weights, pairs)
+    def growth(
+        amplitudes: np.ndarray, weights: np.ndarray, fields: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        return fast_varying_growth(varying, packed, amplitudes, weights, pairs, fields)
 
     return growth
 
 
 def exact_growth(case: Case) -> Growth:
     """Growth at every x and depth: any law without expansion, several times slower."""
-    loads = [pointwise_load(transfer, case.model, case.window) for transfer in case.transfers]
+    parts = load_parts(case.group_multipliers)
+    loads = [
+        pointwise_load(transfer, case.model, case.window, parts=parts)
+        for transfer in case.transfers
+    ]
     n_groups = len(case.model.group_laws)
 
-    def growth(amplitudes: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def growth(
+        amplitudes: np.ndarray, weights: np.ndarray, fields: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         change, uniform = np.zeros_like(amplitudes), np.zeros(len(amplitudes))
         for s, load in enumerate(loads):
             own = weights[:, s * n_groups : (s + 1) * n_groups]
-            parts = pointwise_growth(load, np.arange(load.n_axles), amplitudes, own)
-            change, uniform = change + parts[0], uniform + parts[1]
-        return change, uniform
+            factors = None if fields is None else load.strain_factors(fields)
+            grown = pointwise_growth(load, np.arange(load.n_axles), amplitudes, own, factors)
+            change, uniform = change + grown[0], uniform + grown[1]
+        return (change if case.following is None else change * case.following), uniform
 
     return growth

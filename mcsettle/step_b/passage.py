@@ -19,12 +19,13 @@ from mcsettle.step_b.settlement import strain_increment
 from mcsettle.step_b.stress import deviatoric_stress, mean_state
 
 
-def grid_size(highest_mode: int) -> int:
+def grid_size(highest_mode: int, varies: bool = False) -> int:
     """Points on the window so that products of two modes, and a little more, do not alias.
 
-    Of the form 16 · 2^a · 3^b, which the fast kernel transforms.
+    With support that ``varies`` in modes up to twice the highest, products of three do not alias into
+    the band. Of the form 16 · 2^a · 3^b, which the fast kernel transforms.
     """
-    least = max(16.0, 3.8 * highest_mode)
+    least = max(16.0, (5.0 if varies else 3.8) * highest_mode + varies)
     sizes = [16 * 2**a * 3**b for a in range(24) for b in range(16)]
     return min(size for size in sizes if size >= least)
 
@@ -44,6 +45,7 @@ def settlement_of_passage(
     model: SettlementModel,
     cycles: np.ndarray,
     window: float,
+    susceptibility: np.ndarray | None = None,
 ) -> np.ndarray:
     """Settlement at every x due to one passage of axle ``axle``.
 
@@ -55,13 +57,14 @@ def settlement_of_passage(
     model : SettlementModel
     cycles : [L] cycles N each track layer has seen before this passage
     window : length of the periodic window, m
+    susceptibility : [L, X] h of each track layer at every x: its strain is multiplied by 1 + h
 
     Returns
     -------
     [X] settlement in m, positive down, at x = window · (0 … X−1)/X
     """
     modes = mode_numbers(transfer.wavenumbers, window)
-    n_points = grid_size(int(modes.max()))
+    n_points = grid_size(int(modes.max())) if susceptibility is None else susceptibility.shape[1]
     x = np.arange(n_points) / n_points
     waves = np.exp(2j * np.pi * np.outer(x, modes))
     dynamic = np.real(np.einsum("xk,k,kcz->cxz", waves, amplitudes, transfer.dynamic[axle]))
@@ -74,7 +77,10 @@ def settlement_of_passage(
             strain = strain_increment(
                 law, sigma_d[:, here], cycles[index], model.cycles_per_passage
             )
-            settlement += strain @ transfer.grid.weights[here]
+            settled = strain @ transfer.grid.weights[here]
+            if susceptibility is not None:
+                settled = (1.0 + susceptibility[index]) * settled
+            settlement += settled
     return model.settlement_factor * settlement
 
 
@@ -90,15 +96,20 @@ def passage(
     model: SettlementModel,
     cycles: np.ndarray,
     window: float,
+    susceptibility: np.ndarray | None = None,
+    following: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, float]:
     """Advance one realisation by one axle passage.
 
-    Parameters as ``settlement_of_passage``.
+    Parameters as ``settlement_of_passage``; ``following`` [K] is the part of the settlement that the
+    rail follows (1 without its bending).
 
     Returns
     -------
     complex [K] new profile amplitudes, m, and the uniform settlement of this passage, m
     """
-    settlement = settlement_of_passage(amplitudes, axle, transfer, model, cycles, window)
+    settlement = settlement_of_passage(
+        amplitudes, axle, transfer, model, cycles, window, susceptibility
+    )
     modes = mode_numbers(transfer.wavenumbers, window)
-    return amplitudes + in_band(settlement, modes), float(settlement.mean())
+    return amplitudes + following * in_band(settlement, modes), float(settlement.mean())

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcsettle.railway.settlement_model import SettlementModel
+from mcsettle.railway.spatial_variability import to_points
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.passage import grid_size, mode_numbers
 from mcsettle.step_b.settlement import strain_scale
@@ -20,7 +21,8 @@ from mcsettle.step_b.stress import DEVIATOR, mean_state
 
 TOLERANCE = 1e-8  # of the sum of squares where the exponent is 2
 LARGEST_EXPONENT = 10.0  # of the kernel's power
-SQUARES, BEGIN, NEXT, FINISH = 0, 1, 2, 3  # what becomes of the two fields of a transform
+# What becomes of the two fields of a transform.
+SQUARES, BEGIN, NEXT, FINISH, PLAIN = 0, 1, 2, 3, 4
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class PointwiseLoad:
     their groups; ``law`` [T, 2] coefficient of what settles, and exponent; ``mean`` [T, 2] of the two
     fields; ``response`` [T, K, 4] factors of U_k at k and, conjugate, of U*_k at −k, real and imaginary
     parts; ``linear`` [J, G, K, 2] and ``constant`` [J, G] parts that need no grid; ``first_mode``.
+    Where the support varies: ``closes`` [T] the part of the groups that ends with each transform, or −1;
+    ``parts`` [P, F] multipliers of the fields in each part.
     """
 
     start: np.ndarray
@@ -42,6 +46,14 @@ class PointwiseLoad:
     constant: np.ndarray
     n_points: int
     first_mode: int
+    closes: np.ndarray
+    parts: np.ndarray
+
+    def strain_factors(self, fields: np.ndarray) -> np.ndarray:
+        """1 + h [R, P X] in every part at every x, in the kernel's order; fields [R, F, M]."""
+        mixed = np.einsum("pf,rfm->rpm", self.parts, fields)
+        factors = 1.0 + to_points(mixed, self.n_points)[..., points_in_order(self.n_points)]
+        return np.ascontiguousarray(factors.reshape(len(fields), -1))
 
     @property
     def n_axles(self) -> int:
@@ -60,8 +72,9 @@ def pointwise_load(
     model: SettlementModel,
     window: float,
     tolerance: float = TOLERANCE,
+    parts: "LoadParts | None" = None,
 ) -> PointwiseLoad:
-    """Lay the transfer functions out for the pointwise kernel.
+    """Lay the transfer functions out for the pointwise kernel, in ``parts`` where the support varies.
 
     ``tolerance`` bounds the part of the sum of squares of the dynamic stress, over depth and modes,
     that layers of exponent 2 leave out (0: nothing). With the default the growth is within 1e-9 of its
@@ -75,7 +88,18 @@ def pointwise_load(
     if worst > LARGEST_EXPONENT:
         raise ValueError(f"settlement exponent {worst}; at most {LARGEST_EXPONENT} here")
     modes = mode_numbers(transfer.wavenumbers, window)
-    axles = [_axle(transfer, model, j, tolerance) for j in range(len(transfer.quasi_static))]
+    axles, closes = [], []
+    for j in range(len(transfer.quasi_static)):
+        if parts is None:
+            own, rest = (axle := _axle(transfer, model, j, tolerance))[0], axle[1:]
+            ends = [-1] * len(own)
+        else:
+            own, ends, rest = [], [], _nothing(transfer, model)
+            for part, groups in enumerate(parts.groups):
+                more = _part(transfer, model, j, tolerance, groups)
+                own, ends = own + more, ends + [-1] * (len(more) - 1) + [part]
+        axles.append((own, *rest))
+        closes += ends
     transforms = [transform for own, _, _ in axles for transform in own]
     kind, law, mean, f, h = (np.array(part) for part in zip(*transforms, strict=True))
     above, below = 0.5 * (f + 1j * h), 0.5 * (f - 1j * h)
@@ -88,21 +112,83 @@ def pointwise_load(
         response=np.stack([above.real, above.imag, below.real, below.imag], axis=-1),
         linear=np.stack([linear.real, linear.imag], axis=-1),
         constant=np.stack([part for _, _, part in axles]),
-        n_points=grid_size(int(modes.max())),
+        n_points=grid_size(int(modes.max()), parts is not None),
         first_mode=int(modes[0]),
+        closes=np.array(closes, dtype=np.int32),
+        parts=np.zeros((0, 0)) if parts is None else parts.multipliers,
     )
 
 
+@dataclass(frozen=True)
+class LoadParts:
+    """Settlement groups whose strain has the same factor at every x: ``groups`` and their fields'
+    ``multipliers`` [P, F].
+    """
+
+    groups: tuple[tuple[int, ...], ...]
+    multipliers: np.ndarray
+
+
+def load_parts(multipliers: np.ndarray) -> LoadParts | None:
+    """Parts of the groups by the ``multipliers`` [F, G] of the fields in them; None: no field."""
+    if not len(multipliers):
+        return None
+    different, part = np.unique(multipliers.T, axis=0, return_inverse=True)
+    groups = [tuple(np.flatnonzero(part == p).tolist()) for p in range(len(different))]
+    return LoadParts(tuple(groups), different)
+
+
+def points_in_order(n_points: int) -> np.ndarray:
+    """Numbers [X] of the grid points in the order in which the kernel's transforms leave them."""
+    from mcsettle.kernels.fourier import radices
+
+    order, step = np.zeros(1, dtype=int), 1
+    for radix in (4, *radices(n_points), 4):
+        order = (order[:, None] + step * np.arange(radix)).ravel()
+        step *= radix
+    return order
+
+
+def _nothing(transfer: TransferFunctions, model: SettlementModel) -> tuple[np.ndarray, np.ndarray]:
+    """No linear and constant part beside the grid."""
+    n_groups = len(model.settling_layers)
+    return np.zeros((n_groups, len(transfer.wavenumbers)), dtype=complex), np.zeros(n_groups)
+
+
+def _part(
+    transfer: TransferFunctions,
+    model: SettlementModel,
+    axle: int,
+    tolerance: float,
+    groups: tuple[int, ...],
+) -> list[Transform]:
+    """Transforms of one axle for some of the groups, all that settles on the grid."""
+    transforms, linear, constant = _axle(transfer, model, axle, tolerance, groups)
+    plain = [(g, constant[g], linear[g]) for g in groups if constant[g] != 0.0]
+    if len(plain) % 2:
+        plain = [*plain, (plain[-1][0], 0.0, np.zeros_like(plain[-1][2]))]
+    return transforms + [
+        ((PLAIN, a, b), (1.0, 1.0), (ca, cb), f, h)
+        for (a, ca, f), (b, cb, h) in zip(plain[::2], plain[1::2], strict=True)
+    ]
+
+
 def _axle(
-    transfer: TransferFunctions, model: SettlementModel, axle: int, tolerance: float
+    transfer: TransferFunctions,
+    model: SettlementModel,
+    axle: int,
+    tolerance: float,
+    groups: tuple[int, ...] | None = None,
 ) -> tuple[list[Transform], np.ndarray, np.ndarray]:
-    """Transforms of one axle, complex [G, K] linear and [G] constant part."""
+    """Transforms of one axle (for some of the groups), complex [G, K] linear and [G] constant part."""
     state = mean_state(transfer.quasi_static[axle], transfer.geostatic, model.stress)
     n_groups, n_modes = len(model.settling_layers), len(transfer.wavenumbers)
     linear, constant = np.zeros((n_groups, n_modes), dtype=complex), np.zeros(n_groups)
     transforms: list[Transform] = []
     squares: list[tuple[int, np.ndarray]] = []
     for g, layer in enumerate(model.settling_layers):
+        if groups is not None and g not in groups:
+            continue
         law, here = model.group_laws[g], transfer.grid.layer == layer
         c = strain_scale(law) * transfer.grid.weights[here]
         p = DEVIATOR @ state[:, here]
@@ -164,7 +250,11 @@ def _depths(
 
 
 def pointwise_growth(
-    load: PointwiseLoad, axles: np.ndarray, amplitudes: np.ndarray, weights: np.ndarray
+    load: PointwiseLoad,
+    axles: np.ndarray,
+    amplitudes: np.ndarray,
+    weights: np.ndarray,
+    factors: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Growth under the given axles at a frozen profile, by the Taichi kernel.
 
@@ -174,6 +264,7 @@ def pointwise_growth(
     axles : indices of the axles that pass
     amplitudes : complex [R, K], m
     weights : [R, G] growth of each group's cycle function times the settlement factor
+    factors : [R, P X] of ``strain_factors``, where the support varies
 
     Returns
     -------
@@ -187,7 +278,7 @@ def pointwise_growth(
     change, uniform = np.empty_like(u), np.empty(n)
     w = np.ascontiguousarray(weights, dtype=float)
     which = np.ascontiguousarray(axles, dtype=np.int32)
-    pointwise.evaluate(u, w, which, tables(load), change, uniform)
+    pointwise.evaluate(u, w, which, tables(load), factors, change, uniform)
     return change.view(complex)[..., 0], uniform
 
 
@@ -205,11 +296,13 @@ def joined(loads: list[PointwiseLoad]) -> PointwiseLoad:
         constant=np.concatenate([load.constant for load in loads]),
         n_points=loads[0].n_points,
         first_mode=loads[0].first_mode,
+        closes=np.concatenate([load.closes for load in loads]),
+        parts=loads[0].parts,
     )
 
 
 def tables(load: PointwiseLoad) -> tuple[np.ndarray, ...]:
-    """The arrays in the order of the kernel's arguments, ``start`` to ``band``."""
+    """The arrays in the order of the kernel's arguments, ``start`` to ``closes``."""
     angle = 2.0 * np.pi * np.arange(load.n_points) / load.n_points
     wave = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     # Butterflies of the first pass from ``low`` to ``high`` take two modes at most.
@@ -224,4 +317,4 @@ def tables(load: PointwiseLoad) -> tuple[np.ndarray, ...]:
     response[:, first : last + 1, :2] = load.response[..., :2]
     response[:, half - last : half - first + 1, 2:] = load.response[:, ::-1, 2:]
     arrays = (load.start, load.kind, load.law, response, load.linear, load.constant)
-    return (*arrays, wave, band)
+    return (*arrays, wave, band, load.closes)

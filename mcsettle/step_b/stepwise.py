@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mcsettle.step_b.case import Case, Outcome
+from mcsettle.step_b.case import ALIKE, Case, Outcome, Sections
 from mcsettle.step_b.cycles import DayPlan, day_plan, update_weights
-from mcsettle.step_b.pointwise import PointwiseLoad, joined, pointwise_load
+from mcsettle.step_b.pointwise import PointwiseLoad, joined, load_parts, pointwise_load
 from mcsettle.step_b.pointwise import tables as pointwise_tables
 from mcsettle.step_b.sd_map import Roughness, roughness
 from mcsettle.step_b.spectral import ModePairs, SettlementForm, axle_form, tables, train_form
+from mcsettle.step_b.susceptibility import real_pairs
 
 if TYPE_CHECKING:
     from mcsettle.kernels import lanes
@@ -22,7 +23,8 @@ class Loads:
     """The updates of one day and the forms they apply: A loads, G groups.
 
     ``form`` [A, G, K + P + M, 2], ``constant`` [A, G] and ``mean`` [A, G, K] as the kernel takes them;
-    ``precision`` of the arithmetic, "f64" or "f32" (the state is f64 in both).
+    ``precision`` of the arithmetic, "f64" or "f32" (the state is f64 in both). ``multipliers`` [F, G]
+    of the fields of susceptibility, ``following`` [K] of the rail; ``first`` mode number.
     """
 
     plan: DayPlan
@@ -30,14 +32,22 @@ class Loads:
     form: np.ndarray
     constant: np.ndarray
     mean: np.ndarray
-    precision: str = "f64"
+    precision: str
+    multipliers: np.ndarray
+    following: np.ndarray
+    first: int
 
-    def begin(self, amplitudes: np.ndarray, power_limit: float) -> "lanes.March":
+    def begin(
+        self, amplitudes: np.ndarray, power_limit: float, sections: Sections = ALIKE
+    ) -> "lanes.March":
         """Realisations [R, K] ready to march."""
         from mcsettle.kernels.lanes import March
 
-        n_groups = self.constant.shape[1]
-        return March(amplitudes, power_limit, tables(self.pairs), n_groups, self.precision)
+        waves = None if sections.fields is None else real_pairs(sections.fields)
+        return March(
+            amplitudes, power_limit, tables(self.pairs), self.constant.shape[1], self.precision,
+            sections.factor, self.following, waves, self.multipliers, self.first,
+        )  # fmt: skip
 
     @property
     def coefficients(self) -> tuple[np.ndarray, ...]:
@@ -67,16 +77,22 @@ class PointwiseLoads:
 
     plan: DayPlan
     load: PointwiseLoad
+    following: np.ndarray
     precision: str = "f64"
     coefficients: tuple[np.ndarray, ...] = ()
 
-    def begin(self, amplitudes: np.ndarray, power_limit: float) -> "lanes.March":
+    def begin(
+        self, amplitudes: np.ndarray, power_limit: float, sections: Sections = ALIKE
+    ) -> "lanes.March":
         """Realisations [R, K] ready to march."""
         from mcsettle.kernels.lanes import PointwiseMarch
 
-        n_groups = self.load.constant.shape[1]
-        laid_out = pointwise_tables(self.load)
-        return PointwiseMarch(amplitudes, power_limit, laid_out, n_groups, self.precision)
+        n_groups, fields = self.load.constant.shape[1], sections.fields
+        factors = None if fields is None else self.load.strain_factors(fields)
+        return PointwiseMarch(
+            amplitudes, power_limit, pointwise_tables(self.load), n_groups, self.precision,
+            sections.factor, self.following, factors,
+        )  # fmt: skip
 
 
 def day_loads(case: Case, pairs: ModePairs, by_train: bool, precision: str = "f64") -> Loads:
@@ -84,13 +100,22 @@ def day_loads(case: Case, pairs: ModePairs, by_train: bool, precision: str = "f6
     forms = _forms(case, pairs, by_train)
     form = np.stack([f.packed() for f in forms])
     constant, mean = (np.stack([getattr(f, name) for f in forms]) for name in ("constant", "mean"))
-    return Loads(day_plan(case, by_train), pairs, form, constant, mean, precision)
+    return Loads(
+        day_plan(case, by_train), pairs, form, constant, mean, precision,
+        case.group_multipliers, case.rail_follows, case.first_mode,
+    )  # fmt: skip
 
 
 def pointwise_day_loads(case: Case, precision: str = "f64") -> PointwiseLoads:
     """Lay out every axle of every service for the pointwise kernel."""
-    loads = [pointwise_load(transfer, case.model, case.window) for transfer in case.transfers]
-    return PointwiseLoads(day_plan(case, by_train=False), joined(loads), precision)
+    parts = load_parts(case.group_multipliers)
+    loads = [
+        pointwise_load(transfer, case.model, case.window, parts=parts)
+        for transfer in case.transfers
+    ]
+    return PointwiseLoads(
+        day_plan(case, by_train=False), joined(loads), case.rail_follows, precision
+    )
 
 
 class March:
@@ -103,6 +128,7 @@ class March:
     amplitudes : complex [R, K], initial profile amplitudes, m
     sample_days : [H] rising days at which the SD is recorded
     begun : MarchState of the same march, to go on from
+    sections : Sections, where the case has support that varies, or sections differ
     """
 
     def __init__(
@@ -113,11 +139,12 @@ class March:
         amplitudes: np.ndarray,
         sample_days: np.ndarray,
         begun: MarchState | None = None,
+        sections: Sections = ALIKE,
     ) -> None:
         self.case, self.loads, self.measure, self.initial = case, loads, measure, amplitudes
         self.per_day = len(loads.plan.load)
         self.sample_at = np.rint(np.asarray(sample_days) * self.per_day).astype(np.int64)
-        self.lanes = loads.begin(amplitudes, 2.0 * case.sd_limit**2)
+        self.lanes = loads.begin(amplitudes, 2.0 * case.sd_limit**2, sections)
         self.history = np.full((len(amplitudes), len(sample_days)), np.nan)
         self.done = 0
         if begun is not None:
@@ -214,14 +241,20 @@ class Stepwise:
             )
 
     def march(
-        self, amplitudes: np.ndarray, sample_days: np.ndarray, begun: MarchState | None = None
+        self,
+        amplitudes: np.ndarray,
+        sample_days: np.ndarray,
+        begun: MarchState | None = None,
+        sections: Sections = ALIKE,
     ) -> March:
         """The march of realisations [R, K], to be iterated over."""
-        return March(self.case, self.loads, self.measure, amplitudes, sample_days, begun)
+        return March(self.case, self.loads, self.measure, amplitudes, sample_days, begun, sections)
 
-    def run(self, amplitudes: np.ndarray, sample_days: np.ndarray) -> Outcome:
+    def run(
+        self, amplitudes: np.ndarray, sample_days: np.ndarray, sections: Sections = ALIKE
+    ) -> Outcome:
         """March realisations [R, K] to the limit or the horizon."""
-        march = self.march(amplitudes, sample_days)
+        march = self.march(amplitudes, sample_days, sections=sections)
         for _ in march:
             pass
         return march.outcome()

@@ -102,6 +102,16 @@ class SectionResponse:
         return rayleigh_speed(self.track.layers[-1].material)
 
     @property
+    def rail_bending_stiffness(self) -> float:
+        """EI of one rail [N m²]."""
+        return self.track.rail.bending_stiffness
+
+    def standing(self, wavenumbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Response to a standing load at ``wavenumbers`` [K] rad/m; see ``TrackResponse``."""
+        both = np.concatenate([self.at(float(k), np.zeros(1)) for k in np.atleast_1d(wavenumbers)])
+        return both[:, 0], both[:, 1:].reshape(len(both), 4, -1)
+
+    @property
     def lowest_rayleigh_speed(self) -> float:
         """Rayleigh wave speed of the softest ground layer [m/s]."""
         return min(rayleigh_speed(layer.material) for layer in self.track.ground)
