@@ -1,22 +1,54 @@
 """``mcsettle calibrate``: the factor for a median, or for the observed SDs of one section."""
 
+import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mcsettle.cli.spread import posterior_lines, posterior_warnings
-from mcsettle.cli.summarise import calibration_lines
-from mcsettle.cli.terminal import Progress, cores, talk
+from mcsettle.cli.options import StudyFile, Variant
+from mcsettle.cli.terminal import Progress, cores, plainly, talk
 from mcsettle.errors import InputError
-from mcsettle.study.study import Study
 
 if TYPE_CHECKING:
     from mcsettle.analysis.forecast import Prediction
+    from mcsettle.analysis.posterior import Posterior
+    from mcsettle.study.study import Study
 
 
-def factor_for_median(study: Study, scenario: str, days: float, variant: str | None) -> None:
+@plainly
+def calibrate(
+    study: StudyFile,
+    scenario: Annotated[str, typer.Option(help="Scenario that is observed.")],
+    median_days: Annotated[
+        float | None, typer.Option(help="Median tamping interval to meet (days).")
+    ] = None,
+    observations: Annotated[
+        str | None,
+        typer.Option(help="SDs of a section: CSV file (day, sd_mm, sd_error_mm) or d:sd:error,…"),
+    ] = None,
+    hold_out: Annotated[
+        int, typer.Option(min=0, help="Observations, the last ones, to predict and not to fit.")
+    ] = 0,
+    variant: Variant = None,
+) -> None:
+    """Find the settlement factor that meets a median interval, or the observed SDs of a section."""
+    from mcsettle.study.study import load_study
+
+    loaded = load_study(study)
+    loaded.scenario(scenario)
+    if variant is not None:
+        loaded.variant(variant)
+    if (median_days is None) == (observations is None):
+        raise InputError("give either --median-days or --observations")
+    if observations is not None:
+        factor_for_observations(loaded, scenario, observations, variant, hold_out)
+    elif median_days is not None:
+        factor_for_median(loaded, scenario, median_days, variant)
+
+
+def factor_for_median(study: "Study", scenario: str, days: float, variant: str | None) -> None:
     """Print the factor that gives a median interval of ``days``."""
     if not (days > 0.0 and math.isfinite(days)):
         raise InputError(f"--median-days is {days:g}; it must be positive and finite")
@@ -45,7 +77,7 @@ def forecast_lines(found: Sequence["Prediction"]) -> Iterator[str]:
 
 
 def factor_for_observations(
-    study: Study, scenario: str, observations: str, variant: str | None, hold_out: int = 0
+    study: "Study", scenario: str, observations: str, variant: str | None, hold_out: int = 0
 ) -> None:
     """Print the posterior of the factor given observed SDs, as TOML to paste.
 
@@ -65,3 +97,54 @@ def factor_for_observations(
     for warning in posterior_warnings(found):
         talk(f"warning: {warning}")
     typer.echo("\n".join(posterior_lines(found)))
+
+
+def calibration_lines(found: Any) -> Iterator[str]:
+    """A calibration: the factor and what it belongs to as lines of TOML, and what was done."""
+    yield f"settlement_factor = {found.factor:.6g}"
+    yield f'factor_digest = "{found.factor_digest}"'
+    for field in dataclasses.fields(found):
+        if field.name not in ("factor", "factor_digest"):
+            yield f"# {field.name}: {_value(getattr(found, field.name))}"
+
+
+def _value(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def posterior_lines(found: "Posterior") -> Iterator[str]:
+    """A posterior: the factor and an uncertain input as TOML to paste, and what to know."""
+    low, middle, high = found.quantiles
+    yield "[settlement]"
+    yield f"settlement_factor = {found.median:.6g}"
+    yield ""
+    yield "[[uncertain]]"
+    yield 'input = "settlement.settlement_factor"'
+    yield 'distribution = "lognormal"'
+    yield f"median = {found.median:.6g}"
+    yield f"log_sd = {found.log_sd:.4g}"
+    n = len(found.observations)
+    yield (
+        f'source = "posterior from {n} observed SD{"s" if n > 1 else ""}, scenario '
+        f'{found.scenario}, variant {found.variant}, {found.realisations} tracks, seed {found.seed}"'
+    )
+    yield f"# least squares on the median SD: {found.least_squares:.6g}"
+    yield f"# posterior P5, P50, P95: {low:.6g}, {middle:.6g}, {high:.6g}"
+    yield f"# {found.effective:.1f} tracks carry the weight; the best one misses by"
+    yield f"# {found.misfit:.2g} standard errors (root mean square)"
+
+
+def posterior_warnings(found: "Posterior") -> Iterator[str]:
+    """What makes a posterior doubtful."""
+    from mcsettle.analysis.posterior import FEW, MISFIT
+
+    if found.few:
+        yield (
+            f"only {found.effective:.1f} of {found.realisations} tracks carry the weight (below "
+            f"{FEW:g}): take more realisations, or larger errors if the model cannot be that exact"
+        )
+    if found.misfit > MISFIT:
+        yield (
+            f"no track comes nearer to the observations than {found.misfit:.2g} standard errors: "
+            "the model cannot produce them with a factor alone"
+        )

@@ -4,9 +4,13 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from mcsettle.cli.options import Json, StudyFile, Variant
 from mcsettle.cli.tables import shown
+from mcsettle.cli.terminal import plainly, talk
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -14,6 +18,33 @@ if TYPE_CHECKING:
     from mcsettle.summary.segments import GroundReport, SegmentRow
 
 MOST_REASONS = 10
+
+
+@plainly
+def grounds(
+    study: StudyFile,
+    results: Annotated[
+        Path | None, typer.Option(help="Folder of a run: intervals and costs by segment.")
+    ] = None,
+    variant: Variant = None,
+    scenario: Annotated[str | None, typer.Option(help="Scenario (default: the first).")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Also draw them (PNG and SVG).")] = None,
+    json_output: Json = False,
+) -> None:
+    """List the grounds of a study, or print what a run says of them, segment by segment."""
+    from mcsettle.study.study import load_study
+
+    loaded = load_study(study)
+    if results is None:
+        typer.echo("\n".join(list_lines(loaded)))
+        return
+    from mcsettle.summary.segments import ground_report
+
+    report = ground_report(results, variant, scenario)
+    typer.echo(report_json(report) if json_output else "\n".join(report_lines(report)))
+    if picture is not None:
+        draw_report(report, picture)
+        talk(f"Drew {picture}")
 
 
 def list_lines(study: "Study") -> Iterator[str]:

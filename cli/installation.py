@@ -17,7 +17,7 @@ from mcsettle.storage.files import cache_folder
 PYTHON_FROM, PYTHON_BELOW = (3, 11), (3, 14)  # as in pyproject.toml
 LIBRARIES = (
     "numpy", "scipy", "pandas", "pyarrow", "pydantic", "scikit-fem", "matplotlib", "rich",
-    "typer", "pint", "jinja2", "filelock", "taichi",
+    "typer", "pint", "jinja2", "filelock", "taichi", "tomli-w",
 )  # fmt: skip
 TAICHI = "1.7.4"
 # What may be installed besides: extra, its library, the version it has to be (None: any), what it is for.

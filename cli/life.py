@@ -1,25 +1,54 @@
 """``mcsettle life``: what is printed and written of tracks that are tamped again and again."""
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
+import typer
 
+from mcsettle.cli.check import warn_of
+from mcsettle.cli.options import Json, StudyFile
 from mcsettle.cli.tables import shown
-from mcsettle.cli.terminal import talk
+from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, talk
 from mcsettle.estimate.rounding import with_error
 from mcsettle.units import MM
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from mcsettle.analysis.life import Life
 
 LEVELS = (0.05, 0.5, 0.95)
 
 
+@plainly
+def life(
+    study: StudyFile,
+    out: Annotated[Path | None, typer.Option(help="Folder for tables (Parquet).")] = None,
+    realisations: Annotated[int | None, typer.Option(min=1, help="Tracks to follow.")] = None,
+    json_output: Json = False,
+) -> None:
+    """Tamp a study's tracks again and again to renewal; present and marginal cost beside Eq. (4)."""
+    from mcsettle.study.study import load_study
+
+    loaded = load_study(study)
+    if out is not None:
+        checked_folder(out)
+    warn_of(loaded)
+    from mcsettle.analysis.life import lives
+
+    found = lives(loaded, realisations, Progress(), cores())
+    typer.echo(life_json(found) if json_output else "\n".join(life_lines(found)))
+    if out is not None:
+        write_lives(found, out)
+
+
 def life_lines(found: Sequence["Life"]) -> Iterator[str]:
     """Present cost of the sequence and by Eq. (4), marginal costs, tampings of a life."""
+    import numpy as np
+
     for life in found:
         yield f"== {life.variant} {life.scenario}: {len(life.cost)} tracks{_open(life)}"
         yield f"{'':<34}{'mean ± s.e.':>20} {'P5':>10} {'P50':>10} {'P95':>10}"
@@ -48,6 +77,7 @@ def life_json(found: Sequence["Life"]) -> str:
 
 def write_lives(found: Sequence["Life"], folder: Path) -> None:
     """Tables ``lives`` (a row for each track) and ``tampings`` (one for each tamping)."""
+    import numpy as np
     import pandas as pd
 
     from mcsettle.storage.files import write_file
@@ -84,7 +114,9 @@ def write_lives(found: Sequence["Life"], folder: Path) -> None:
     talk(f"Wrote lives.parquet and tampings.parquet to {folder}")
 
 
-def _rows(life: "Life") -> list[tuple[str, np.ndarray]]:
+def _rows(life: "Life") -> list[tuple[str, "np.ndarray"]]:
+    import numpy as np
+
     years = np.concatenate([np.zeros((len(life.cost), 1)), life.sequence.years], axis=1)
     intervals = np.diff(years, axis=1)
     rows: list[tuple[str, Any]] = [
@@ -104,14 +136,18 @@ def _rows(life: "Life") -> list[tuple[str, np.ndarray]]:
     return rows
 
 
-def _line(text: str, known: np.ndarray) -> str:
+def _line(text: str, known: "np.ndarray") -> str:
+    import numpy as np
+
     error = _error(known) if len(known) > 1 else None
     mean = with_error(float(known.mean()), error)
     low, middle, high = (shown(float(q), 5) for q in np.quantile(known, LEVELS))
     return f"{text:<34}{mean:>20} {low:>10} {middle:>10} {high:>10}"
 
 
-def _numbers(values: np.ndarray) -> dict[str, float | int | None]:
+def _numbers(values: "np.ndarray") -> dict[str, float | int | None]:
+    import numpy as np
+
     known = values[np.isfinite(values)]
     if not len(known):
         return {"n": 0, "mean": None, "standard_error": None, "p5": None, "p50": None, "p95": None}
@@ -127,8 +163,8 @@ def _numbers(values: np.ndarray) -> dict[str, float | int | None]:
     }
 
 
-def _error(known: np.ndarray) -> float:
-    return float(known.std(ddof=1) / np.sqrt(len(known)))
+def _error(known: "np.ndarray") -> float:
+    return float(known.std(ddof=1)) / math.sqrt(len(known))
 
 
 def _open(life: "Life") -> str:

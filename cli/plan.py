@@ -5,30 +5,59 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from mcsettle.cli.terminal import Progress, cores, talk
-from mcsettle.run.plan import Plan, is_long, plan
+import typer
+
+from mcsettle.cli.options import Batch, Exact, Json, ParameterSets, Realisations, StudyFile, Threads
+from mcsettle.cli.terminal import Progress, cores, plainly, talk
 
 if TYPE_CHECKING:
+    from mcsettle.run.plan import Plan
     from mcsettle.study.study import Study
+
+
+@plainly
+def plan(
+    study: StudyFile,
+    realisations: Realisations = None,
+    parameter_sets: ParameterSets = None,
+    threads: Threads = None,
+    batch: Batch = None,
+    exact: Exact = False,
+    json_output: Json = False,
+) -> None:
+    """Say what a run will take: realisations, memory, disk, time, from a short probe."""
+    from mcsettle.study.study import load_study
+
+    loaded = load_study(study)
+    for warning in loaded.warnings:
+        talk(f"warning: {warning}")
+    from mcsettle.run.plan import plan as plan_of
+
+    asked = loaded.with_run(realisations, None, "every_axle" if exact else None, parameter_sets)
+    found = plan_of(asked, threads, batch, Progress(), cores())
+    typer.echo(plan_json(found) if json_output else plan_text(found))
 
 
 def tell_plan(study: "Study", threads: int | None, batch: int | None) -> None:
     """Print the plan of a long run before it begins."""
+    from mcsettle.run.plan import is_long
+    from mcsettle.run.plan import plan as plan_of
+
     if is_long(study):
-        talk(plan_text(plan(study, threads, batch, Progress(), cores())))
+        talk(plan_text(plan_of(study, threads, batch, Progress(), cores())))
 
 
-def plan_text(found: Plan) -> str:
+def plan_text(found: "Plan") -> str:
     """A plan in a few lines."""
     return "\n".join(_lines(found))
 
 
-def plan_json(found: Plan) -> str:
+def plan_json(found: "Plan") -> str:
     """A plan as JSON."""
     return json.dumps(asdict(found), indent=2)
 
 
-def _lines(found: Plan) -> Iterator[str]:
+def _lines(found: "Plan") -> Iterator[str]:
     sets = f" × {found.parameter_sets} parameter sets" if found.parameter_sets > 1 else ""
     yield (
         f"rows      {found.rows} = {found.realisations} realisations × {found.scenarios} scenarios"

@@ -1,13 +1,16 @@
 """``mcsettle profile``: a measured record as the options or a study describe it."""
 
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 
-import numpy as np
+import typer
+from typer import Option
 
-from mcsettle.cli.terminal import talk
+from mcsettle.cli.options import Json, option_name, taking
+from mcsettle.cli.terminal import checked_folder, plainly, talk
 from mcsettle.errors import InputError
 from mcsettle.estimate.rounding import with_error
 
@@ -18,7 +21,77 @@ if TYPE_CHECKING:
 MOST_SHOWN = 40  # sections on a screen
 
 
-def report_of(path: Path, options: dict[str, Any], speed: float | None) -> "ProfileReport":
+class RecordOptions(TypedDict):
+    """How a record is written and what is taken of it: keys of ``[profile]`` and its record."""
+
+    chainage_column: Annotated[str | None, Option(help="Default: chainage_m.")]
+    level_column: Annotated[str | None, Option(help="Default: level_mm.")]
+    offset_column: Annotated[
+        str | None, Option(help="Second part of a position: metres, yards, chains.")
+    ]
+    second_level_column: Annotated[str | None, Option(help="Level of the other rail.")]
+    rails: Annotated[str | None, Option(help="Of two rails: mean or worse.")]
+    chainage_unit: Annotated[
+        str | None, Option(help="m, km, ft, yd, mi, km+m, km.m, mi.yd or mi.ch.")
+    ]
+    level_unit: Annotated[str | None, Option(help="mm, m, cm or in.")]
+    positive: Annotated[str | None, Option(help="down (default) or up.")]
+    separator: Annotated[str | None, Option(help="comma (default), semicolon, tab or space.")]
+    decimal: Annotated[str | None, Option(help="Decimal sign, . or a comma.")]
+    thousands: Annotated[str | None, Option(help="Sign between thousands.")]
+    encoding: Annotated[
+        str | None, Option(help="utf-8 (default), utf-16, cp1252, … of a CSV file.")
+    ]
+    missing_values: Annotated[
+        str | None, Option(help="Cells that mean no reading, such as -9999,n/a.")
+    ]
+    skip_rows: Annotated[int | None, Option(min=0, help="Rows before the heading.")]
+    skip_after_heading: Annotated[
+        int | None, Option(min=0, help="Rows after the heading, such as units.")
+    ]
+    dates: Annotated[str | None, Option(help="The runs are dates: iso, day_first or month_first.")]
+    run_column: Annotated[str | None, Option(help="Column of runs or dates.")]
+    run: Annotated[str | None, Option(help="Which run (default: the first).")]
+    repair: Annotated[str | None, Option(help="Findings to repair, such as gaps,repeated.")]
+    longest_gap_m: Annotated[float | None, Option("--longest-gap", help="Gap to bridge (m; 5).")]
+    window_m: Annotated[float | None, Option("--window", help="Length of a section (m; 200).")]
+    shortest_m: Annotated[float | None, Option("--shortest", help="Shortest wave (m; 3).")]
+    longest_m: Annotated[float | None, Option("--longest", help="Longest wave (m; 35).")]
+    already_filtered: Annotated[str | None, Option(help="The record is band-passed: en13848_d1.")]
+    versine_chord_m: Annotated[
+        float | None, Option("--versine-chord", help="The levels are versines of a chord (m).")
+    ]
+    filter: Annotated[str | None, Option(help="ideal (default), butterworth or en13848_d1.")]
+    filter_order: Annotated[int | None, Option("--order", help="Order of the Butterworth (4).")]
+
+
+@plainly
+@taking(RecordOptions)
+def profile(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Record (CSV, Parquet), or a study with one.")
+    ],
+    speed_kmh: Annotated[
+        float | None, Option(min=1.0, help="Speed of the line, for quality classes.")
+    ] = None,
+    out: Annotated[Path | None, Option(help="Folder for a picture and the JSON.")] = None,
+    json_output: Json = False,
+    **options: Unpack[RecordOptions],
+) -> None:
+    """Look at a measured record: findings, SD by section, spectrum, fitted constants."""
+    if out is not None:
+        checked_folder(out)
+    given: dict[str, Any] = {key: value for key, value in options.items() if value is not None}
+    for key in ("repair", "missing_values"):
+        if key in given:
+            given[key] = [part.strip() for part in given[key].split(",")]
+    report = report_of(file, given, speed_kmh)
+    typer.echo(report_json(report) if json_output else "\n".join(report_lines(report)))
+    if out is not None:
+        write_report(report, out, file.name)
+
+
+def report_of(path: Path, given: dict[str, Any], speed: float | None) -> "ProfileReport":
     """The report of a record, or of the record of the study at ``path``.
 
     Raises
@@ -31,12 +104,11 @@ def report_of(path: Path, options: dict[str, Any], speed: float | None) -> "Prof
     from mcsettle.study.build import build_record
     from mcsettle.study.study import load_study
 
-    given = {key: value for key, value in options.items() if value is not None}
     if path.suffix.lower() == ".toml":
         if given:
             raise InputError(
                 f"{path} is a study and says how its record is read; leave out "
-                + ", ".join(f"--{key.replace('_', '-')}" for key in given)
+                + ", ".join(option_name(RecordOptions, key) for key in given)
             )
         study = load_study(path)
     else:
@@ -95,9 +167,9 @@ def report_lines(report: "ProfileReport") -> Iterator[str]:
     covered = float((parts.ends[-1] - parts.starts[0]) * parts.step)
     yield (
         f"SD of {len(report.sd)} sections of {report.window:g} m, {covered:.6g} m in all: "
-        f"mean {np.mean(report.sd) * 1e3:.3f}, "
-        f"{np.min(report.sd) * 1e3:.3f} to {np.max(report.sd) * 1e3:.3f} mm; "
-        f"D1 (3 to 25 m) mean {np.mean(report.sd_d1) * 1e3:.3f} mm"
+        f"mean {report.sd.mean() * 1e3:.3f}, "
+        f"{report.sd.min() * 1e3:.3f} to {report.sd.max() * 1e3:.3f} mm; "
+        f"D1 (3 to 25 m) mean {report.sd_d1.mean() * 1e3:.3f} mm"
     )
     classes = f"  class at {report.speed_kmh:g} km/h" if report.classes else ""
     yield f"{'from [m]':>10} {'to [m]':>10} {'SD [mm]':>9} {'D1 [mm]':>9}{classes}"
@@ -129,7 +201,7 @@ def report_json(report: "ProfileReport") -> str:
             {
                 "kind": f.kind,
                 "count": f.count,
-                "first_m": f.first if np.isfinite(f.first) else None,
+                "first_m": f.first if math.isfinite(f.first) else None,
                 "text": f.text,
             }
             for f in report.findings
@@ -154,7 +226,7 @@ def report_json(report: "ProfileReport") -> str:
             for i, (sd, d1) in enumerate(zip(report.sd, report.sd_d1, strict=True))
         ],
         "spectrum": [
-            {"wavelength_m": float(2.0 * np.pi / k), "density_m2_per_rad_per_m": float(p)}
+            {"wavelength_m": float(2.0 * math.pi / k), "density_m2_per_rad_per_m": float(p)}
             for k, p in zip(report.wavenumbers, report.power, strict=True)
         ],
         "fits": [

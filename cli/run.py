@@ -1,40 +1,129 @@
-"""``mcsettle run``, ``status``, ``gather``: what they call, and what they say."""
+"""``mcsettle run``: a study, several, a slice of one, or batches to a precision."""
 
-import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mcsettle import types
-from mcsettle.cli.terminal import MISSED, PARTIAL, Progress, talk
-from mcsettle.errors import InputError
+from mcsettle.cli.check import warn_of
+from mcsettle.cli.options import (
+    Batch,
+    Exact,
+    ParameterSets,
+    Realisations,
+    StudyFiles,
+    TakeOver,
+    Threads,
+)
+from mcsettle.cli.terminal import (
+    MISSED,
+    PARTIAL,
+    Progress,
+    checked_out,
+    cores,
+    own_folders,
+    plainly,
+    talk,
+    together,
+    with_cache,
+)
 from mcsettle.storage.files import is_url
 from mcsettle.storage.location import place
 
 if TYPE_CHECKING:
     from mcsettle.run.options import RunOptions
     from mcsettle.run.pipeline import Finished
-    from mcsettle.run.status import Survey
     from mcsettle.study.study import Study
 
-MOST_SHOWN = 10
+Out = Annotated[
+    str,
+    typer.Option(
+        help="Folder for the results, or its URL (s3, gs, abfs); of several studies: "
+        "the folder of their folders."
+    ),
+]
+Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the tracks.")]
+Until = Annotated[
+    str | None, typer.Option(help='Precision to stop at, such as "tamping_interval median 2%".')
+]
+MaxMinutes = Annotated[
+    float | None, typer.Option(min=0.0, help="Begin no batch that would end later.")
+]
+Shards = Annotated[
+    str | None, typer.Option(metavar="I/N", help="Compute this part alone, such as 17/64.")
+]
+ShardSize = Annotated[
+    int | None, typer.Option(min=1, help="Realisations of a shard (default: 2048).")
+]
+Scheduler = Annotated[
+    str | None, typer.Option(help="Dask workers to use: local[:N] or the address of a scheduler.")
+]
+Cache = Annotated[str | None, typer.Option(help="Folder or URL of what Step A has computed.")]
+
+
+@plainly
+def run(
+    studies: StudyFiles,
+    out: Out,
+    realisations: Realisations = None,
+    parameter_sets: ParameterSets = None,
+    seed: Seed = None,
+    threads: Threads = None,
+    batch: Batch = None,
+    exact: Exact = False,
+    until: Until = None,
+    max_minutes: MaxMinutes = None,
+    shards: Shards = None,
+    shard_size: ShardSize = None,
+    scheduler: Scheduler = None,
+    take_over: TakeOver = False,
+    cache: Cache = None,
+) -> None:
+    """Run a study: every scenario and variant, results as Parquet in a folder.
+
+    Several studies run one after the other, each into a folder of its file's name under DIR.
+    """
+    from mcsettle.run.options import RunOptions
+    from mcsettle.run.shards import parse_slice
+    from mcsettle.study.study import load_study
+
+    with_cache(cache)
+    folders = own_folders(studies, out)
+    loaded = [load_study(study) for study in studies]
+    checked_out(out)
+    together(shards, scheduler, until, max_minutes)
+    for study in loaded:
+        warn_of(study)
+    options = RunOptions(
+        realisations=realisations,
+        parameter_sets=parameter_sets,
+        seed=seed,
+        exact=exact,
+        threads=threads,
+        batch=batch,
+        processes=cores(),
+        shards=None if shards is None else parse_slice(shards),
+        shard_size=shard_size,
+        take_over=take_over,
+    )
+    run_all(loaded, folders, options, Progress(), until, max_minutes, scheduler)
 
 
 def run_all(studies: list["Study"], folders: list[str], options: "RunOptions", *rest: Any) -> None:
-    """``run`` for each study and folder in turn; exits with the highest of their exit codes."""
+    """``run_one`` for each study and folder in turn; exits with the highest of their exit codes."""
     worst = 0
     for study, folder in zip(studies, folders, strict=True):
         try:
-            run(study, folder, options, *rest)
+            run_one(study, folder, options, *rest)
         except typer.Exit as ended:
             worst = max(worst, ended.exit_code)
     if worst:
         raise typer.Exit(worst)
 
 
-def run(
+def run_one(
     study: "Study",
     out: str,
     options: "RunOptions",
@@ -109,77 +198,3 @@ def tell_failed(n_failed: int) -> None:
     if n_failed:
         talk(f"{n_failed} realisations failed; their rows say why.")
         raise typer.Exit(PARTIAL)
-
-
-def gather(folder: str, take_over: bool) -> None:
-    """Check that a run is complete and close it."""
-    from mcsettle.run.close import gather as close
-
-    found = close(folder, take_over)
-    talk(f"{found.n_shards} shards are whole. Next: mcsettle summarise {found.folder}")
-    tell_failed(found.n_failed)
-
-
-def status(folder: str) -> "Survey":
-    """What a results folder holds."""
-    from mcsettle.run.status import survey
-
-    if not place(folder).exists():
-        raise InputError(f"{folder} is no folder; 'mcsettle run STUDY --out {folder}' makes one")
-    return survey(folder)
-
-
-def status_json(found: "Survey") -> str:
-    """The survey as JSON."""
-    data = {
-        "folder": found.folder,
-        "finished": found.finished,
-        "remark": found.remark,
-        "provenance": asdict(found.provenance),
-        "realisations": found.realisations,
-        "parameter_sets": found.parameter_sets,
-        "shards": found.n_shards,
-        "whole": found.n_whole,
-        "failed_realisations": found.n_failed,
-        "scenarios": [
-            {"variant": variant, "scenario": scenario, "shards": n,
-             "whole": found.whole[variant, scenario]}
-            for (variant, scenario), n in found.shards.items()
-        ],
-        "faults": [asdict(fault) for fault in found.faults],
-        "strays": list(found.strays),
-        "at_work": [asdict(owner) for owner in found.owners],
-    }  # fmt: skip
-    return json.dumps(data, indent=2, ensure_ascii=False)
-
-
-def status_lines(found: "Survey") -> list[str]:
-    """The survey as text."""
-    state = "finished" if found.finished else "not finished"
-    sets = f" × {found.parameter_sets} parameter sets" if found.parameter_sets > 1 else ""
-    lines = [
-        f"{found.folder}: {state}, {found.n_whole} of {found.n_shards} shards, "
-        f"{found.realisations} realisations{sets}, seed {found.provenance.seed}, "
-        f"mcsettle {found.provenance.package_version}"
-    ]
-    for (variant, scenario), n in found.shards.items():
-        lines.append(f"  {variant} {scenario}: {found.whole[variant, scenario]} of {n}")
-    lines += [f"  {f.state}: {f.shard} ({f.reason})" for f in found.faults[:MOST_SHOWN]]
-    if len(found.faults) > MOST_SHOWN:
-        lines.append(f"  … and {len(found.faults) - MOST_SHOWN} more")
-    lines += [f"  stray: {name}" for name in found.strays[:MOST_SHOWN]]
-    lines += [f"  at work: {owner}" for owner in found.owners]
-    if found.n_failed:
-        lines.append(f"  {found.n_failed} realisations failed; their rows say why")
-    return lines + _next(found)
-
-
-def _next(found: "Survey") -> list[str]:
-    """What to do."""
-    if found.finished:
-        return [f"Next: mcsettle summarise {found.folder}"]
-    if found.owners:
-        return ["Next: wait for those at work"]
-    if found.n_whole < found.n_shards:
-        return [f"Next: mcsettle run STUDY --out {found.folder} computes what is missing"]
-    return [f"{found.remark}. Next: mcsettle gather {found.folder}"]

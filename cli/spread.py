@@ -10,10 +10,7 @@ from mcsettle.cli.tables import UNKNOWN, add_numbers, console, shown, table
 from mcsettle.estimate.rounding import number
 
 if TYPE_CHECKING:
-    from mcsettle.analysis.posterior import Posterior
-    from mcsettle.analysis.tornado import Bar
     from mcsettle.estimate.estimate import Estimate, Statistic
-    from mcsettle.run.stopping import Batch, Target
     from mcsettle.summary.summary import SummaryRow
 
 
@@ -38,76 +35,6 @@ def print_spread(rows: "list[SummaryRow]") -> None:
 
         out.print(f"Indices of single inputs: from {LEAST_SETS} parameter sets on.")
     _print_lines(out, rows)
-
-
-def print_tornado(bars: "list[Bar]") -> None:
-    """One table on stdout: medians at P10 and P90 of each input, the others central."""
-    title = "Medians with one input at its P10 and its P90, the others central"
-    medians = table(title, "scenario", "metric", "input", "P10", "P90")
-    add_numbers(medians, "at P10", "central", "at P90")
-    previous: tuple[str, str] = ("", "")
-    for bar in bars:
-        head = (bar.scenario, bar.metric)
-        cells = [shown(v) for v in (bar.low, bar.high, bar.at_low, bar.central, bar.at_high)]
-        medians.add_row(*(head if head != previous else ("", "")), bar.input, *cells)
-        previous = head
-    console().print(medians)
-
-
-def tornado_json(bars: "list[Bar]") -> str:
-    """Every bar as JSON."""
-    import dataclasses
-    import json
-
-    return json.dumps([dataclasses.asdict(bar) for bar in bars], indent=1, ensure_ascii=False)
-
-
-def batch_line(batch: "Batch", target: "Target | None") -> str:
-    """One row of the convergence table."""
-    text = f"{batch.realisations:>9} realisations  {batch.seconds:8.1f} s"
-    if target is None:
-        return text
-    error = "unknown" if batch.error is None else f"{100.0 * batch.error:.2f} %"
-    aim = f"{100.0 * target.tolerance:g} %"
-    return f"{text}  standard error {error:>8} of {aim} ({target.metric}, {batch.where})"
-
-
-def posterior_lines(found: "Posterior") -> Iterator[str]:
-    """A posterior: the factor and an uncertain input as TOML to paste, and what to know."""
-    low, middle, high = found.quantiles
-    yield "[settlement]"
-    yield f"settlement_factor = {found.median:.6g}"
-    yield ""
-    yield "[[uncertain]]"
-    yield 'input = "settlement.settlement_factor"'
-    yield 'distribution = "lognormal"'
-    yield f"median = {found.median:.6g}"
-    yield f"log_sd = {found.log_sd:.4g}"
-    n = len(found.observations)
-    yield (
-        f'source = "posterior from {n} observed SD{"s" if n > 1 else ""}, scenario '
-        f'{found.scenario}, variant {found.variant}, {found.realisations} tracks, seed {found.seed}"'
-    )
-    yield f"# least squares on the median SD: {found.least_squares:.6g}"
-    yield f"# posterior P5, P50, P95: {low:.6g}, {middle:.6g}, {high:.6g}"
-    yield f"# {found.effective:.1f} tracks carry the weight; the best one misses by"
-    yield f"# {found.misfit:.2g} standard errors (root mean square)"
-
-
-def posterior_warnings(found: "Posterior") -> Iterator[str]:
-    """What makes a posterior doubtful."""
-    from mcsettle.analysis.posterior import FEW, MISFIT
-
-    if found.few:
-        yield (
-            f"only {found.effective:.1f} of {found.realisations} tracks carry the weight (below "
-            f"{FEW:g}): take more realisations, or larger errors if the model cannot be that exact"
-        )
-    if found.misfit > MISFIT:
-        yield (
-            f"no track comes nearer to the observations than {found.misfit:.2g} standard errors: "
-            "the model cannot produce them with a factor alone"
-        )
 
 
 def statistics_json(statistics: "Iterable[Statistic]") -> list[dict[str, Any]]:

@@ -1,41 +1,47 @@
-"""What the commands print: tables, JSON and one picture, from a study and its results alone."""
+"""``mcsettle summarise``: the numbers of a run beside published ones, as tables or JSON."""
 
 import dataclasses
 import json
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from mcsettle.cli.options import Folder, Json
+from mcsettle.cli.picture import checked_picture, draw
 from mcsettle.cli.spread import print_spread, statistics_json
 from mcsettle.cli.tables import add_numbers, console, quantiles, shown, table
+from mcsettle.cli.terminal import plainly, talk
 
 if TYPE_CHECKING:
-    from mcsettle.analysis.table4 import Increase
-    from mcsettle.analysis.track_summary import Row
-    from mcsettle.study.study import Study
     from mcsettle.summary.results import Results
     from mcsettle.summary.summary import SummaryRow
 
 
-def study_lines(study: "Study") -> Iterator[str]:
-    """A sound study in a few lines."""
-    yield f"{study.title or 'untitled'}: sound"
-    yield f"digest {study.digest}"
-    yield (
-        f"track {study.track_table.preset_name}, {study.run.realisations} realisations, "
-        f"limit {study.limit.sd_limit_mm:g} mm"
-    )
-    for scenario in study.scenarios:
-        services = ", ".join(
-            f"{s.per_day} × {s.train} at {s.speed_kmh:g} km/h" for s in scenario.timetable
-        )
-        tonnage = study.mgt_per_day(scenario.name)
-        yield f"scenario {scenario.name}: {services}; {tonnage:.6g} MGT/day"
-    for name in study.variant_names:
-        settings = study.settlement_settings(name)
-        yield (
-            f"variant {name}: {settings.stress} stress, {settings.cycles} cycles, "
-            f"settlement factor {settings.settlement_factor:g}"
-        )
+@plainly
+def summarise(
+    folder: Folder,
+    json_output: Json = False,
+    picture: Annotated[
+        Path | None, typer.Option(help="Also draw the results into this file (PNG, SVG).")
+    ] = None,
+) -> None:
+    """Print days, reduction, elasticity and marginal cost, beside the study's reference values."""
+    from mcsettle.summary.results import read_results
+    from mcsettle.summary.summary import summary_rows
+
+    if picture is not None:
+        checked_picture(picture)
+    results = read_results(folder)
+    rows = summary_rows(results)
+    if json_output:
+        typer.echo(summary_json(results, rows))
+    else:
+        print_summary(results, rows)
+    if picture is not None:
+        draw(results, rows, folder, picture)
+        talk(f"Drew {picture}")
 
 
 def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
@@ -77,53 +83,6 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
         print_inputs(results, variant.name)
     for line in _remarks(results):
         out.print(line, markup=False)
-
-
-def calibration_lines(found: Any) -> Iterator[str]:
-    """A calibration: the factor and what it belongs to as lines of TOML, and what was done."""
-    yield f"settlement_factor = {found.factor:.6g}"
-    yield f'factor_digest = "{found.factor_digest}"'
-    for field in dataclasses.fields(found):
-        if field.name not in ("factor", "factor_digest"):
-            yield f"# {field.name}: {_value(getattr(found, field.name))}"
-
-
-def track_lines(rows: "list[Row]") -> Iterator[str]:
-    """Rows (quantity, value, unit) in columns, four digits."""
-    width = max((len(name) for name, _, _ in rows), default=0)
-    for name, value, unit in rows:
-        text = value if isinstance(value, str) else f"{value:.4g}"
-        yield f"{name:<{width}}  {text:>9} {unit}".rstrip()
-
-
-def table4_lines(table: "list[Increase]") -> Iterator[str]:
-    """Table 4: a line a definition, the published values below each kind; nothing if empty."""
-    from mcsettle.analysis.table4 import DEFINITIONS, REALISATIONS
-    from mcsettle.units import KMH
-
-    if not table:
-        return
-    speeds = [f"{speed / KMH:.0f} km/h" for speed in dict.fromkeys(row.speed for row in table)]
-    yield ""
-    yield f"Increase of deviatoric stress at the subgrade surface over {speeds[0]} (Table 4), in %"
-    yield f"{'':<32}" + "".join(f"{speed:>23}" for speed in speeds[1:])
-    names = list(DEFINITIONS)
-    for name, following in zip(names, [*names[1:], ""], strict=True):
-        own = [row for row in table if row.definition == name][1:]
-        yield f"{name:<32}" + "".join(f"{_increase(row):>23}" for row in own)
-        last = name.split(",")[0] != following.split(",")[0]  # of its kind
-        if last and any(row.published is not None for row in own):
-            published = ["–" if row.published is None else f"{row.published:g}" for row in own]
-            yield f"{'  published':<32}" + "".join(f"{value:>23}" for value in published)
-    for name, meaning in DEFINITIONS.items():
-        yield f"{name}: {meaning}"
-    yield f"in brackets: P5 to P95 over {REALISATIONS} realisations of the profile"
-    yield from (f"published: {source}" for source in sorted({r.source for r in table if r.source}))
-
-
-def _increase(row: "Increase") -> str:
-    spread = "" if row.low == row.high else f" ({row.low:.1f} to {row.high:.1f})"
-    return f"{row.percent:.2f}{spread}"
 
 
 def _cells(row: "SummaryRow", first: bool) -> list[str]:
@@ -188,10 +147,6 @@ def _json_row(row: "SummaryRow") -> dict[str, Any]:
         "conditioned": statistics_json(row.conditioned),
         "conditioned_percent": row.conditioned_percent,
     }
-
-
-def _value(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def conditioned_cells(row: "SummaryRow") -> list[str] | None:

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import typer
 
-from mcsettle.cli.spread import batch_line
 from mcsettle.cli.terminal import talk
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import Finished, run_study
-from mcsettle.run.stopping import Batch, Run, parse_target, run_until
+from mcsettle.run.stopping import Batch, Run, Target, parse_target, run_until
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
 
@@ -40,3 +39,13 @@ def run_in_batches(
     elif target is not None:
         talk(f"Target missed at the cap of {last} realisations; raise --realisations to go on.")
     return stopped.finished, target is not None and not stopped.met
+
+
+def batch_line(batch: Batch, target: Target | None) -> str:
+    """One row of the convergence table."""
+    text = f"{batch.realisations:>9} realisations  {batch.seconds:8.1f} s"
+    if target is None:
+        return text
+    error = "unknown" if batch.error is None else f"{100.0 * batch.error:.2f} %"
+    aim = f"{100.0 * target.tolerance:g} %"
+    return f"{text}  standard error {error:>8} of {aim} ({target.metric}, {batch.where})"

@@ -1,17 +1,40 @@
-"""What ``validate`` and ``doctor`` print: lines, and the same as JSON."""
+"""``mcsettle validate``: closed forms, exact solutions and convergence against the code."""
 
 import dataclasses
 import json
-import textwrap
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from mcsettle.cli.terminal import Progress
+import typer
+
+from mcsettle.cli.options import Json
+from mcsettle.cli.terminal import FAILED, Progress, plainly
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
-    from mcsettle.cli.installation import Check
     from mcsettle.verification.run_cases import Case
+
+
+@plainly
+def validate(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAMES]...", help="Cases or choices (default: all)."),
+    ] = None,
+    json_output: Json = False,
+    convergence: Annotated[
+        bool, typer.Option("--convergence", help="Refine Step A's numerical choices instead.")
+    ] = False,
+) -> None:
+    """Compare the models with closed forms and exact solutions; exit code 1 if one is missed."""
+    if convergence:
+        typer.echo(convergence_text(names or [], json_output, Progress()))
+        return
+    cases = run_named_cases(names or [], Progress())
+    from mcsettle.verification.run_cases import table
+
+    typer.echo(cases_json(cases) if json_output else table(cases))
+    if not all(case.passed for case in cases):
+        raise typer.Exit(FAILED)
 
 
 def run_named_cases(names: list[str], progress: Progress) -> list["Case"]:
@@ -74,33 +97,6 @@ def convergence_text(names: list[str], as_json: bool, progress: Progress) -> str
     if as_json:
         return json.dumps([dataclasses.asdict(level) for level in levels], indent=1)
     return convergence_table(levels)
-
-
-def doctor_lines(checks: list["Check"]) -> Iterator[str]:
-    """One paragraph a check, what to do below it."""
-    width = max(len(check.name) for check in checks)
-    for check in checks:
-        head = f"{check.state:<6}  {check.name:<{width}}  "
-        yield textwrap.fill(
-            check.found,
-            width=110,
-            initial_indent=head,
-            subsequent_indent=" " * len(head),
-            break_long_words=False,
-        )
-        if check.advice:
-            yield f"{' ' * len(head)}→ {check.advice}"
-    failed = sum(check.state == "failed" for check in checks)
-    yield f"{failed} of {len(checks)} checks failed" if failed else "all is well"
-
-
-def doctor_json(checks: list["Check"]) -> str:
-    """The checks as JSON."""
-    data = {
-        "checks": [dataclasses.asdict(check) for check in checks],
-        "passed": all(check.state != "failed" for check in checks),
-    }
-    return json.dumps(data, indent=1, ensure_ascii=False)
 
 
 def _parts(value: complex) -> float | list[float | None] | None:

@@ -1,0 +1,58 @@
+"""``mcsettle tornado``: which uncertain input moves the answer."""
+
+import dataclasses
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mcsettle.cli.options import Json, StudyFile, Variant
+from mcsettle.cli.tables import add_numbers, console, shown, table
+from mcsettle.cli.terminal import Progress, cores, plainly
+from mcsettle.errors import InputError
+
+if TYPE_CHECKING:
+    from mcsettle.analysis.tornado import Bar
+
+
+@plainly
+def tornado(
+    study: StudyFile,
+    variant: Variant = None,
+    realisations: Annotated[int, typer.Option(min=1, help="Tracks of each run.")] = 32,
+    json_output: Json = False,
+) -> None:
+    """Move each uncertain input to its P10 and P90, the others central, on the same tracks."""
+    from mcsettle.study.study import load_study
+
+    loaded = load_study(study)
+    if variant is not None:
+        loaded.variant(variant)
+    if not loaded.uncertain:
+        raise InputError(f"{study} has no [[uncertain]] inputs; add some to see what they do")
+    from mcsettle.analysis.tornado import tornado as bars_of
+
+    bars = bars_of(loaded, variant, realisations, Progress(), cores())
+    if json_output:
+        typer.echo(tornado_json(bars))
+    else:
+        print_tornado(bars)
+
+
+def print_tornado(bars: "list[Bar]") -> None:
+    """One table on stdout: medians at P10 and P90 of each input, the others central."""
+    title = "Medians with one input at its P10 and its P90, the others central"
+    medians = table(title, "scenario", "metric", "input", "P10", "P90")
+    add_numbers(medians, "at P10", "central", "at P90")
+    previous: tuple[str, str] = ("", "")
+    for bar in bars:
+        head = (bar.scenario, bar.metric)
+        cells = [shown(v) for v in (bar.low, bar.high, bar.at_low, bar.central, bar.at_high)]
+        medians.add_row(*(head if head != previous else ("", "")), bar.input, *cells)
+        previous = head
+    console().print(medians)
+
+
+def tornado_json(bars: "list[Bar]") -> str:
+    """Every bar as JSON."""
+    return json.dumps([dataclasses.asdict(bar) for bar in bars], indent=1, ensure_ascii=False)
