@@ -14,6 +14,7 @@ from mcsettle.errors import InputError
 if TYPE_CHECKING:
     from mcsettle.analysis.forecast import Prediction
     from mcsettle.analysis.posterior import Posterior
+    from mcsettle.estimate.observation import Observation
     from mcsettle.study.study import Study
 
 
@@ -26,8 +27,13 @@ def calibrate(
     ] = None,
     observations: Annotated[
         str | None,
-        typer.Option(help="SDs of a section: CSV file (day, sd_mm, sd_error_mm) or d:sd:error,…"),
+        typer.Option(
+            help="SDs of a section: CSV file (day or date, sd_mm, sd_error_mm) or d:sd:error,…"
+        ),
     ] = None,
+    dates: Annotated[
+        str, typer.Option(help="Dates of the file: iso, day_first or month_first.")
+    ] = "iso",
     hold_out: Annotated[
         int, typer.Option(min=0, help="Observations, the last ones, to predict and not to fit.")
     ] = 0,
@@ -43,7 +49,13 @@ def calibrate(
     if (median_days is None) == (observations is None):
         raise InputError("give either --median-days or --observations")
     if observations is not None:
-        factor_for_observations(loaded, scenario, observations, variant, hold_out)
+        from mcsettle.cli.observations import read_observations
+        from mcsettle.railway.dates import ORDERS
+
+        if dates not in ORDERS:
+            raise InputError(f"--dates is '{dates}'; choose one of {', '.join(ORDERS)}")
+        rows = read_observations(observations, dates)
+        factor_for_observations(loaded, scenario, rows, variant, hold_out)
     elif median_days is not None:
         factor_for_median(loaded, scenario, median_days, variant)
 
@@ -77,16 +89,18 @@ def forecast_lines(found: Sequence["Prediction"]) -> Iterator[str]:
 
 
 def factor_for_observations(
-    study: "Study", scenario: str, observations: str, variant: str | None, hold_out: int = 0
+    study: "Study",
+    scenario: str,
+    rows: tuple["Observation", ...],
+    variant: str | None,
+    hold_out: int = 0,
 ) -> None:
     """Print the posterior of the factor given observed SDs, as TOML to paste.
 
     The last ``hold_out`` observations are predicted from the others.
     """
     from mcsettle.analysis.posterior import infer_factor
-    from mcsettle.cli.observations import read_observations
 
-    rows = read_observations(observations)
     if hold_out:
         from mcsettle.analysis.forecast import forecast
 

@@ -56,6 +56,8 @@ def life_lines(found: Sequence["Life"]) -> Iterator[str]:
             known = values[np.isfinite(values)]
             if len(known):
                 yield _line(text, known)
+            elif np.any(np.isinf(values)):
+                yield f"{text:<34}{'–':>10} (without discounting it has no end)"
     yield "Costs are GBP/track-km; marginal costs in the unit of the study's effect."
 
 

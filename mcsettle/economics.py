@@ -34,7 +34,7 @@ def perpetual_present_value(
     Parameters
     ----------
     tamping_cost : float or ndarray, GBP/track-km
-    discount_rate : float or ndarray, 1/year, positive
+    discount_rate : float or ndarray, 1/year; at 0 the sum has no end and the value is infinite
     interval : float or ndarray, years
 
     Returns
@@ -47,7 +47,8 @@ def perpetual_present_value(
     83202.45
     """
     rate_years = np.asarray(discount_rate, dtype=float) * interval
-    return np.asarray(tamping_cost / -np.expm1(-rate_years))
+    with np.errstate(divide="ignore"):
+        return np.asarray(tamping_cost / np.abs(np.expm1(-rate_years)))
 
 
 def present_value(

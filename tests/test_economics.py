@@ -119,6 +119,11 @@ def test_no_discounting_is_the_limit_of_little():
     assert present_value_slope(COST, 1e-9, 2.0) == pytest.approx(-COST / 2.0, rel=2e-9)
 
 
+def test_for_ever_without_discounting_has_no_present_value():
+    assert perpetual_present_value(COST, 0.0, 2.0) == np.inf
+    assert np.isnan(perpetual_present_value(COST, 0.0, np.nan))
+
+
 @given(base=intervals, extra=st.floats(0.001, 2.0))
 def test_more_of_the_same_trains_is_an_identity(base, extra):
     # T·q constant: elasticity −1/(1 + Δq/q). Relative error grows as rounding / extra.

@@ -100,8 +100,10 @@ def present_cost(sequence: Sequence, tamping_cost: float, discount_rate: float) 
 
     Without renewal the last interval goes on for ever, Eq. (4) from the last tamping on. With one the
     life repeats: the sum over a life over 1 − e^{−rL}. Where a realisation is open what is missing
-    counts nothing: a lower bound.
+    counts nothing: a lower bound. Without discounting neither sum has an end: infinite.
     """
+    if discount_rate == 0.0:
+        return np.full(len(sequence.years), np.inf)
     factors = np.where(
         np.isnan(sequence.years), 0.0, np.exp(-discount_rate * np.nan_to_num(sequence.years))
     )
@@ -125,8 +127,13 @@ def present_cost_slope(sequence: Sequence, tamping_cost: float, discount_rate: f
     """∂PV/∂T₁ [R] GBP/track-km per year: the first interval moved, the later ones held.
 
     Every tamping of this life that follows moves with the first; Eq. (6) is the case of intervals all
-    alike and no renewal.
+    alike and no renewal. Without discounting, the limit: a life with a renewal costs the same whenever
+    it is tamped, and without one the limit of Eq. (6) is −c over the last interval.
     """
+    if discount_rate == 0.0:
+        _, interval = _last(sequence.years)
+        endless = np.isinf(sequence.life) & ~sequence.open
+        return np.where(endless, -tamping_cost / interval, 0.0)
     total = present_cost(sequence, tamping_cost, discount_rate)
     if np.isfinite(sequence.life):  # later lives stay where they are
         total = total * -np.expm1(-discount_rate * sequence.life)

@@ -45,7 +45,7 @@ class Train:
     @property
     def n_axles(self) -> int:
         """Number of wheelsets."""
-        return 4 * len(self.cars)
+        return sum(car.n_axles for car in self.cars)
 
     @property
     def mass(self) -> float:

@@ -1,13 +1,16 @@
 """Rail vehicles as multi-body descriptions: Table 1 of the paper, and their compliance.
 
-A ``Vehicle`` is one car on two bogies of two wheelsets. ``model`` says how much of it moves
+A ``Vehicle`` is one car on two bogies of two wheelsets, or of one (a two-axle wagon, whose suspension
+is the secondary one), three (Co-Co) or four; or an articulated unit of several bodies, neighbours of
+which share a bogie. ``model`` says how much of it moves
 dynamically: "complete" (car body, bogies, wheelsets), "bogies" (bogies and wheelsets) or
 "wheelsets"; a simplified model leaves out the bodies above *and* the springs that carry them. The
 static axle load is an input of its own: it need not equal the sum of the masses.
 
-Degrees of freedom, in this order: car body (displacement, pitch), leading bogie (displacement,
-pitch), trailing bogie, wheelsets from the leading one. Displacements are positive down; a pitch is
-positive when it lowers the front. A freight bogie carries its wheelsets rigidly.
+Degrees of freedom, in this order: car bodies (displacement, pitch) and then bogies (displacement,
+pitch), both from the leading one, wheelsets from the leading one. Displacements are positive down; a
+pitch is positive when it lowers the front. A freight bogie carries its wheelsets rigidly; a bogie of
+one wheelset has no pitch.
 """
 
 import math
@@ -35,6 +38,8 @@ _POSITIVE_FIELDS = {
     "wheelset_mass": "kg",
     "axle_load": "kg",
 }
+_OF_SEVERAL_AXLES = ("axle_spacing", "bogie_mass", "bogie_inertia")  # may be 0 with one a bogie
+MOST_AXLES, MOST_BODIES = 4, 20  # of a bogie, of a unit
 
 
 @dataclass(frozen=True)
@@ -60,6 +65,10 @@ class Vehicle:
 
     ``primary`` is None for freight vehicles, whose wheelsets are rigidly part of the bogie.
     ``axle_loads``, leading wheelset first, replaces ``axle_load`` where the wheelsets differ.
+    ``axles_per_bogie`` at equal spacings: with 1 the spacing of the bogies is the wheelbase, and spacing
+    of the axles, mass and inertia of the bogies may be 0. With several ``bodies`` the car is an
+    articulated unit: its length is that of all, mass and inertia those of one body, and each end of a
+    body rests on its bogie with a secondary suspension of its own.
     """
 
     name: str
@@ -75,20 +84,17 @@ class Vehicle:
     primary: Suspension | None
     axle_load: float
     model: str = "complete"
-    axle_loads: tuple[float, float, float, float] | None = None
+    axle_loads: tuple[float, ...] | None = None
+    axles_per_bogie: int = 2
+    bodies: int = 1
 
     def __post_init__(self) -> None:
         for field, unit in _POSITIVE_FIELDS.items():
-            _positive(f"{field} of vehicle '{self.name}'", getattr(self, field), unit)
+            if not (self.axles_per_bogie == 1 and field in _OF_SEVERAL_AXLES):
+                _positive(f"{field} of vehicle '{self.name}'", getattr(self, field), unit)
         for load in self.axle_loads or ():
             _positive(f"axle load of vehicle '{self.name}'", load, "kg")
-        outermost = self.bogie_spacing + self.axle_spacing
-        if self.axle_spacing >= self.bogie_spacing or outermost >= self.length:
-            raise ValueError(
-                f"vehicle '{self.name}': axle spacing {self.axle_spacing} m, bogie spacing "
-                f"{self.bogie_spacing} m and length {self.length} m do not fit; the axle spacing "
-                "must be less than the bogie spacing, and both together less than the length"
-            )
+        self._check_arrangement()
         if self.model not in VEHICLE_MODELS:
             raise ValueError(
                 f"model of vehicle '{self.name}' is '{self.model}'; "
@@ -100,27 +106,72 @@ class Vehicle:
                 "of the bogies and cannot move alone; choose the model 'bogies'"
             )
 
-    @property
-    def loads(self) -> tuple[float, float, float, float]:
-        """Static load of each wheelset [kg], leading first."""
-        return self.axle_loads or (self.axle_load,) * 4
+    def _check_arrangement(self) -> None:
+        """Refuse numbers of axles and bodies, and lengths, that do not go together."""
+        for what, number, most in (
+            ("axles_per_bogie", self.axles_per_bogie, MOST_AXLES),
+            ("bodies", self.bodies, MOST_BODIES),
+        ):
+            if not 1 <= number <= most:
+                raise ValueError(
+                    f"vehicle '{self.name}' has {what} {number}; this model takes 1 to {most}"
+                )
+        if self.axle_loads is not None and len(self.axle_loads) != self.n_axles:
+            raise ValueError(
+                f"vehicle '{self.name}' has {self.n_axles} axles and {len(self.axle_loads)} axle loads"
+            )
+        wheelbase = (self.axles_per_bogie - 1) * self.axle_spacing
+        outermost = self.bodies * self.bogie_spacing + wheelbase
+        if wheelbase >= self.bogie_spacing or outermost >= self.length:
+            raise ValueError(
+                f"vehicle '{self.name}': axle spacing {self.axle_spacing} m, bogie spacing "
+                f"{self.bogie_spacing} m and length {self.length} m do not fit; the axle spacing "
+                "must be less than the bogie spacing, and both together less than the length"
+            )
 
     @property
-    def axle_offsets(self) -> tuple[float, float, float, float]:
+    def n_bogies(self) -> int:
+        """Number of bogies: neighbouring bodies share one."""
+        return self.bodies + 1
+
+    @property
+    def n_axles(self) -> int:
+        """Number of wheelsets."""
+        return self.n_bogies * self.axles_per_bogie
+
+    @property
+    def loads(self) -> tuple[float, ...]:
+        """Static load of each wheelset [kg], leading first."""
+        return self.axle_loads or (self.axle_load,) * self.n_axles
+
+    @property
+    def arms(self) -> tuple[float, ...]:
+        """Positions of the wheelsets of a bogie from its centre, positive forward, leading first [m]."""
+        n = self.axles_per_bogie
+        return tuple(self.axle_spacing * (0.5 * (n - 1) - i) for i in range(n))
+
+    @property
+    def axle_offsets(self) -> tuple[float, ...]:
         """Positions of the wheelsets from the car's centre, positive forward, leading first [m]."""
-        lb, lw = self.bogie_spacing / 2.0, self.axle_spacing / 2.0
-        return (lb + lw, lb - lw, -lb + lw, -lb - lw)
+        bogies = [self.bogie_spacing * (0.5 * self.bodies - b) for b in range(self.n_bogies)]
+        return tuple(bogie + arm for bogie in bogies for arm in self.arms)
+
+    @property
+    def moving_mass(self) -> float:
+        """Mass [kg] of bodies, bogies and wheelsets: what the dynamics know of it."""
+        of_bogies = self.n_bogies * self.bogie_mass + self.n_axles * self.wheelset_mass
+        return self.bodies * self.body_mass + of_bogies
 
 
 def mass_matrix(vehicle: Vehicle) -> Array:
     """Mass matrix M^v [kg, kg·m²], shape [D, D], Eqs. (17) and (20)."""
     v = vehicle
     wheels = 0.0 if v.primary is not None else v.wheelset_mass
-    half = v.axle_spacing / 2.0
-    bogie = [v.bogie_mass + 2.0 * wheels, v.bogie_inertia + 2.0 * wheels * half**2]
-    diagonal = [v.body_mass, v.body_inertia, *bogie, *bogie]
+    turning = wheels * sum(arm**2 for arm in v.arms)
+    bogie = [v.bogie_mass + v.axles_per_bogie * wheels, v.bogie_inertia + turning]
+    diagonal = [v.body_mass, v.body_inertia] * v.bodies + bogie * v.n_bogies
     if v.primary is not None:
-        diagonal += [v.wheelset_mass] * 4
+        diagonal += [v.wheelset_mass] * v.n_axles
     return np.diag(diagonal)[np.ix_(_kept(v), _kept(v))]
 
 
@@ -130,7 +181,7 @@ def stiffness_matrix(vehicle: Vehicle, omega: float) -> ComplexArray:
     Built from the energy of each spring, K^v = Σ (k + iΩc) v vᵀ with v the spring's elongation for
     unit displacements; Eqs. (18) and (21) are the result.
     """
-    size = 6 if vehicle.primary is None else 10
+    size = _size(vehicle)
     matrix = np.zeros((size, size), dtype=complex)
     for level, suspension, elongation in _springs(vehicle, size):
         if level in _LEVELS[vehicle.model]:
@@ -139,18 +190,19 @@ def stiffness_matrix(vehicle: Vehicle, omega: float) -> ComplexArray:
 
 
 def connection_matrix(vehicle: Vehicle) -> Array:
-    """Matrix Z, shape [4, D]: wheelset displacements from the degrees of freedom.
+    """Matrix Z, shape [J, D] for J wheelsets: their displacements from the degrees of freedom.
 
     Eqs. (16) and (19), the last row of the latter put right: 0 0 0 0 1 -lw.
     """
-    half = vehicle.axle_spacing / 2.0
+    first, n = 2 * vehicle.bodies, vehicle.n_axles
     if vehicle.primary is not None:
-        matrix = np.hstack([np.zeros((4, 6)), np.eye(4)])
+        matrix = np.hstack([np.zeros((n, _size(vehicle) - n)), np.eye(n)])
     else:
-        matrix = np.zeros((4, 6))
-        for wheel, (bogie, arm) in enumerate(((2, half), (2, -half), (4, half), (4, -half))):
-            matrix[wheel, bogie] = 1.0
-            matrix[wheel, bogie + 1] = arm
+        matrix = np.zeros((n, _size(vehicle)))
+        for wheel in range(n):
+            bogie, place = divmod(wheel, vehicle.axles_per_bogie)
+            matrix[wheel, first + 2 * bogie] = 1.0
+            matrix[wheel, first + 2 * bogie + 1] = vehicle.arms[place]
     return matrix[:, _kept(vehicle)]
 
 
@@ -166,7 +218,7 @@ def vehicle_compliance(vehicle: Vehicle, omega: float) -> ComplexArray:
 
     Returns
     -------
-    Shape [4, 4] [m/N]: displacement of one wheelset for a force on another, both down, leading
+    Shape [J, J] [m/N]: displacement of one wheelset for a force on another, both down, leading
     wheelset first.
 
     Raises
@@ -206,24 +258,38 @@ def natural_frequencies(vehicle: Vehicle, wheels: str = "fixed") -> Array:
 
 def _springs(vehicle: Vehicle, size: int) -> list[tuple[str, Suspension, Array]]:
     """Each spring of one car: its level, its suspension, its elongation vector [size]."""
-    arm, half = vehicle.bogie_spacing / 2.0, vehicle.axle_spacing / 2.0
+    arm, first = vehicle.bogie_spacing / 2.0, 2 * vehicle.bodies
     springs = []
-    for bogie, lever in ((2, arm), (4, -arm)):
-        elongation = np.zeros(size)
-        elongation[[0, 1, bogie]] = (1.0, lever, -1.0)
-        springs.append(("secondary", vehicle.secondary, elongation))
-    if vehicle.primary is not None:
-        for wheel, (bogie, lever) in enumerate(((2, half), (2, -half), (4, half), (4, -half))):
+    for body in range(vehicle.bodies):
+        for bogie, lever in ((body, arm), (body + 1, -arm)):
             elongation = np.zeros(size)
-            elongation[[bogie, bogie + 1, 6 + wheel]] = (1.0, lever, -1.0)
+            elongation[[2 * body, 2 * body + 1, first + 2 * bogie]] = (1.0, lever, -1.0)
+            springs.append(("secondary", vehicle.secondary, elongation))
+    if vehicle.primary is not None:
+        wheels = first + 2 * vehicle.n_bogies
+        for wheel in range(vehicle.n_axles):
+            bogie, place = divmod(wheel, vehicle.axles_per_bogie)
+            under = first + 2 * bogie
+            elongation = np.zeros(size)
+            elongation[[under, under + 1, wheels + wheel]] = (1.0, vehicle.arms[place], -1.0)
             springs.append(("primary", vehicle.primary, elongation))
     return springs
 
 
+def _size(vehicle: Vehicle) -> int:
+    """Degrees of freedom of the complete model, the pitch of every bogie included."""
+    wheels = 0 if vehicle.primary is None else vehicle.n_axles
+    return 2 * vehicle.bodies + 2 * vehicle.n_bogies + wheels
+
+
 def _kept(vehicle: Vehicle) -> list[int]:
     """Degrees of freedom that take part in the vehicle's model."""
-    first = {"complete": 0, "bogies": 2, "wheelsets": 6}[vehicle.model]
-    return list(range(first, 6 if vehicle.primary is None else 10))
+    bogies = 2 * vehicle.bodies
+    wheels = bogies + 2 * vehicle.n_bogies
+    first = {"complete": 0, "bogies": bogies, "wheelsets": wheels}[vehicle.model]
+    # A bogie of one wheelset stands on a point: nothing turns it.
+    turning = range(bogies + 1, wheels, 2) if vehicle.axles_per_bogie == 1 else ()
+    return [i for i in range(first, _size(vehicle)) if i not in turning]
 
 
 def _positive(name: str, value: float, unit: str) -> None:

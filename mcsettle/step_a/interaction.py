@@ -47,8 +47,11 @@ def train_compliance(train: Train, omega: float) -> ComplexArray:
     """
     blocks = {car: vehicle_compliance(car, omega) for car in set(train.cars)}
     matrix = np.zeros((train.n_axles, train.n_axles), dtype=complex)
-    for number, car in enumerate(train.cars):
-        matrix[4 * number : 4 * number + 4, 4 * number : 4 * number + 4] = blocks[car]
+    first = 0
+    for car in train.cars:
+        last = first + car.n_axles
+        matrix[first:last, first:last] = blocks[car]
+        first = last
     return matrix
 
 
@@ -163,8 +166,9 @@ def transfer_digest(
     """SHA-256 hex digest of everything ``precompute`` depends on; known before it runs."""
     described = asdict(train)
     for car in described["cars"]:
-        if car["axle_loads"] is None:  # a car like any other
-            del car["axle_loads"]
+        for name, usual in (("axle_loads", None), ("axles_per_bogie", 2), ("bodies", 1)):
+            if car[name] == usual:  # a car like any other
+                del car[name]
     description = {
         "train": described,
         "speed": float(speed),

@@ -20,6 +20,8 @@ from mcsettle.units import TONNE
 
 VEHICLE_PATHS: Paths = {
     "model": ("model", 1.0),
+    "axles_per_bogie": ("axles_per_bogie", 1),
+    "bodies": ("bodies", 1),
     "car_length_m": ("length", 1.0),
     "bogie_spacing_m": ("bogie_spacing", 1.0),
     "axle_spacing_m": ("axle_spacing", 1.0),
@@ -34,6 +36,11 @@ VEHICLE_PATHS: Paths = {
     "secondary_stiffness_n_per_m": ("secondary.stiffness", 1.0),
     "secondary_damping_ns_per_m": ("secondary.damping", 1.0),
 }
+
+
+OPTIONAL = ("model", "axles_per_bogie", "bodies")
+ONE_AXLE_LACKS = ("axle_spacing_m", "bogie_mass_kg", "bogie_inertia_kg_m2")
+USUAL = {"axles_per_bogie": 2, "bodies": 1}
 
 
 def build_train(
@@ -113,8 +120,12 @@ def _car(entry: ConsistTable, own: Mapping[str, VehicleTable]) -> Vehicle:
         return car
     if entry.axle_load_t is not None:
         raise ValueError("a car takes axle_load_t or axle_loads_t, not both")
-    a, b, c, d = (load * TONNE for load in entry.axle_loads_t)
-    return replace(car, axle_load=(a + b + c + d) / 4.0, axle_loads=(a, b, c, d))
+    loads = tuple(load * TONNE for load in entry.axle_loads_t)
+    if len(loads) != car.n_axles:
+        raise ValueError(
+            f"axle_loads_t has {len(loads)} entries; '{entry.vehicle}' has {car.n_axles} axles"
+        )
+    return replace(car, axle_load=sum(loads) / len(loads), axle_loads=loads)
 
 
 def _in_full(name: str, table: VehicleTable) -> Vehicle:
@@ -130,9 +141,11 @@ def _in_full(name: str, table: VehicleTable) -> Vehicle:
     values: dict[str, Any] = {}
     for key, (path, factor) in VEHICLE_PATHS.items():
         value = getattr(table, key)
-        if "." in path or (key == "model" and value is None):
+        if "." in path or (key in OPTIONAL and value is None):
             continue
-        if value is None:
+        if value is None and table.axles_per_bogie == 1 and key in ONE_AXLE_LACKS:
+            values[path] = 0.0
+        elif value is None:
             missing.append(key)
         else:
             values[path] = value if isinstance(value, str) else value * factor
@@ -146,6 +159,12 @@ def _written(
 ) -> dict[str, Any]:
     own = entry.model_dump(exclude_none=True)
     values = described(vehicle_named(str(entry.vehicle), vehicles), VEHICLE_PATHS)
+    # What a vehicle does not have, and what most have, is not written out.
+    values = {
+        key: int(value) if key in USUAL else value
+        for key, value in values.items()
+        if USUAL.get(key) != value and not (key in ONE_AXLE_LACKS and value == 0.0)
+    }
     if "axle_loads_t" in own:
         del values["axle_load_t"]
     return values | own

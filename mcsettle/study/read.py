@@ -36,12 +36,17 @@ def parsed_toml(data: bytes, origin: str) -> dict[str, Any]:
     if len(data) > LARGEST_FILE:
         raise InputError(f"{origin} has {len(data)} bytes; a study has at most {LARGEST_FILE}")
     try:
-        text = data.decode("utf-8")
+        text = data.decode("utf-8-sig")  # editors on Windows write a byte order mark
         _refuse_long_keys(text)
         found = tomllib.loads(text)
         _refuse_monstrous(found)
     except UnicodeDecodeError as error:
-        raise InputError(f"{origin} is not UTF-8 text (byte {error.start})") from None
+        if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            raise InputError(f"{origin} is not UTF-8 but UTF-16 text: save it as UTF-8") from None
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{origin} is not UTF-8 text (line {line}, byte 0x{data[error.start]:02x}): save it as UTF-8"
+        ) from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
         raise InputError(f"{origin} is not valid TOML: {reason}") from None

@@ -62,6 +62,16 @@ def test_slope_is_the_finite_difference_of_the_cost(intervals: list[float], life
     assert slope == pytest.approx(difference, rel=1e-6)
 
 
+@pytest.mark.parametrize("life", [np.inf, 20.0])
+def test_without_discounting_the_slope_is_its_limit_and_the_cost_has_no_end(life: float) -> None:
+    years = np.array([[2.0, 3.5, 5.1, np.nan], [1.0, np.nan, np.nan, np.nan]])
+    sequence = Sequence(years, life, np.zeros(2, bool))
+    assert np.all(np.isinf(present_cost(sequence, C, 0.0)))
+    limit = present_cost_slope(sequence, C, 1e-8)
+    slope = present_cost_slope(sequence, C, 0.0)
+    np.testing.assert_allclose(slope, limit, rtol=1e-6, atol=1e-3 * (life < np.inf))
+
+
 def test_costs_fall_with_longer_intervals_and_count_what_is_known() -> None:
     years = np.array([[2.0, 4.0, 6.0], [2.0, 5.0, 9.0], [2.0, np.nan, np.nan], [np.nan] * 3])
     sequence = Sequence(years, np.inf, np.array([False, False, True, True]))

@@ -17,7 +17,7 @@ from mcsettle.step_a.fem25d.solve import outputs, solve
 from mcsettle.step_a.fem25d.track_section import track_section
 from mcsettle.step_a.interaction import precompute, transfer_digest
 from mcsettle.study.build_trains import shipped_library, shipped_vehicles, vehicle_named
-from mcsettle.study.study import Study, resolved_toml
+from mcsettle.study.study import Study, resolved_toml, study_from_text
 
 DATA = tomllib.loads(
     (Path(__file__).resolve().parents[2] / "studies" / "toy.toml").read_text(encoding="utf-8")
@@ -100,6 +100,7 @@ def test_a_field_that_a_car_does_not_use_leaves_its_digest_alone() -> None:
     described = asdict(train)
     for car in described["cars"]:
         assert car.pop("axle_loads") is None
+        assert (car.pop("axles_per_bogie"), car.pop("bodies")) == (2, 1)
     whole = {"train": described, "speed": 50.0, "wavenumbers": [1.0], "hertz_stiffness": 1e9,
              "response": "r"}  # fmt: skip
     expected = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
@@ -250,3 +251,44 @@ def test_under_sleeper_pads_add_their_own_compliance() -> None:
     fill = 0.285 / 0.65
     # Both rails' loads are symmetric: each presses on half a sleeper. It bends a little.
     assert soft - stiff == pytest.approx(1.0 / (modulus * fill * 1.25), rel=0.15)
+
+
+def test_other_arrangements_of_axles_are_built_and_written_out() -> None:
+    vehicles = {
+        "wagon": {
+            "axles_per_bogie": 1, "car_length_m": 14.0, "bogie_spacing_m": 9.0, "body_mass_kg": 36e3,
+            "body_inertia_kg_m2": 5e5, "wheelset_mass_kg": 1300.0, "axle_load_t": 19.3,
+            "secondary_stiffness_n_per_m": 2e6, "secondary_damping_ns_per_m": 4e4,
+        },
+        "co_co": {"like": "power_car", "axles_per_bogie": 3, "axle_spacing_m": 1.9},
+        "unit": {"like": "passenger", "bodies": 3, "car_length_m": 64.0},
+    }  # fmt: skip
+    consist = [
+        {"vehicle": "co_co", "axle_loads_t": [20, 20, 20, 21, 21, 21]},
+        {"vehicle": "wagon", "count": 2},
+        {"vehicle": "unit"},
+    ]
+    study = toy.study()
+    data = study.model_dump(by_alias=True, exclude_none=True) | {
+        "vehicles": vehicles, "trains": {"passenger": {"consist": consist}},
+    }  # fmt: skip
+    study = Study.from_mapping(data)
+    train = study.trains["passenger"]
+    assert train.n_axles == 6 + 2 * 2 + 8
+    assert train.cars[0].loads[-1] == 21e3
+    again = study_from_text(resolved_toml(study).encode(), "again")
+    assert again == study
+    assert again.digest == study.digest
+    assert again.trains["passenger"] == train
+    consist[0]["axle_loads_t"] = [20, 20]
+    with pytest.raises(InputError, match="axle_loads_t has 2 entries; 'co_co' has 6 axles"):
+        Study.from_mapping(data)
+
+
+def test_masses_of_one_rail_are_remarked_on_in_the_study() -> None:
+    half = {"like": "passenger", "body_mass_kg": 12e3, "bogie_mass_kg": 2e3, "axle_load_t": 10.5}
+    study = toy.study(vehicles={"half": half}, trains={"passenger": {"vehicle": "half", "cars": 2}})
+    assert any(
+        "vehicle 'half': its masses add up to 22.15 t, about half" in w for w in study.warnings
+    )
+    assert not any("masses" in warning for warning in toy.study().warnings)

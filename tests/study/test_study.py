@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import toy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -179,6 +180,44 @@ def test_message_fits_one_screen() -> None:
 
 
 # --- files ----------------------------------------------------------------------------------------
+
+
+def test_a_byte_order_mark_and_line_ends_change_nothing(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "studies" / "toy.toml").read_text(encoding="utf-8")
+    digests = set()
+    for name, data in {
+        "plain": text.encode(),
+        "mark": text.encode("utf-8-sig"),
+        "lines": text.replace("\n", "\r\n").encode(),
+    }.items():
+        (tmp_path / f"{name}.toml").write_bytes(data)
+        digests.add(load_study(tmp_path / f"{name}.toml").digest)
+    (tmp_path / "shared.toml").write_bytes(b"\xef\xbb\xbf[vehicles.a]\nlike = 'passenger'\n")
+    (tmp_path / "includes.toml").write_text("include = ['shared.toml']\n" + text, encoding="utf-8")
+    assert len(digests) == 1
+    assert "a" in load_study(tmp_path / "includes.toml").vehicle_tables
+    (tmp_path / "wide.toml").write_bytes(text.encode("utf-16"))
+    with pytest.raises(InputError, match="not UTF-8 but UTF-16 text: save it as UTF-8"):
+        load_study(tmp_path / "wide.toml")
+
+
+@pytest.mark.parametrize(("rate", "value"), [(0, 0.0), (0.0, 0.0), ("3.5 %", 0.035), ("0 %", 0.0)])
+def test_a_discount_rate_is_a_share_or_per_cent_and_may_be_nothing(rate, value) -> None:
+    study = toy.study(economics={"effect": "speed", "baseline": "v201", "discount_rate": rate})
+    assert study.economics.discount_rate == value
+
+
+@pytest.mark.parametrize(
+    ("rate", "said"),
+    [
+        (3.5, "is 350 %: write 0.035, or '3.5 %'"),
+        ("3.5", "neither a number nor"),
+        (-0.1, "greater"),
+    ],
+)
+def test_a_discount_rate_that_cannot_be(rate, said) -> None:
+    with pytest.raises(InputError, match=said):
+        toy.study(economics={"effect": "speed", "baseline": "v201", "discount_rate": rate})
 
 
 @pytest.mark.parametrize(

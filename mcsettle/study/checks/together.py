@@ -25,8 +25,8 @@ def faults_between(parts: Parts) -> list[Fault]:
 
 
 def warnings_of(parts: Parts) -> list[str]:
-    """Remarks on a study that will run: speeds near or above a wave speed."""
-    remarks = []
+    """Remarks on a study that will run: vehicles at odds with themselves, speeds near a wave speed."""
+    remarks = list(traffic.vehicle_remarks_of(parts))
     for path, speed, name, limit, _ in traffic.speed_limits(parts):
         if speed > NEAR_CRITICAL * limit:
             relation = "above" if speed > limit else f"above {NEAR_CRITICAL:.0%} of"

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 
 from mcsettle.railway.track import BeamTrack, rayleigh_speed
+from mcsettle.railway.vehicle import Vehicle
+from mcsettle.railway.vehicle_remarks import vehicle_remarks
 from mcsettle.study.build_trains import build_train, vehicle_named
 from mcsettle.study.checks.parts import Parts
 from mcsettle.study.checks.track import valid_track
@@ -23,6 +25,17 @@ def train_faults(parts: Parts) -> Iterator[Fault]:
             vehicle_named(name, parts.vehicles)
         except ValueError as error:
             yield Fault(f"vehicles.{name}", str(error))
+
+
+def vehicle_remarks_of(parts: Parts) -> Iterator[str]:
+    """What of the vehicles that run does not agree with itself, each vehicle once."""
+    cars: dict[Vehicle, str] = {}
+    for name, table in parts.trains.items():
+        for car in build_train(name, table, parts.vehicles).cars:
+            cars.setdefault(car, name)
+    for car, train in cars.items():
+        for remark in vehicle_remarks(car):
+            yield f"trains.{train}: vehicle '{car.name}': {remark}"
 
 
 def speed_faults(parts: Parts) -> Iterator[Fault]:

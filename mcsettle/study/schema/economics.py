@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mcsettle.study.schema.base import Cycles, Name, Positive, Table
-from mcsettle.study.schema.quantities import Millimetres, Speed, Years, quantity
+from mcsettle.study.schema.quantities import Millimetres, PerCent, Speed, Years, quantity
 
 
 class EconomicsTable(Table):
@@ -14,7 +14,7 @@ class EconomicsTable(Table):
     effect: Literal["speed", "tonnage"]
     baseline: Name
     tamping_cost_gbp_per_track_km: Positive = 5625.0
-    discount_rate: Annotated[float, Field(gt=0, lt=1)] = 0.035
+    discount_rate: Annotated[float, PerCent, Field(ge=0, lt=1)] = 0.035
     base_speed_kmh: Speed | None = None
     trains_thousand_per_year: Positive | None = None
     mgt_per_day: Positive | None = None

@@ -36,6 +36,19 @@ def quantity(unit: str) -> BeforeValidator:
     return BeforeValidator(in_unit(unit), json_schema_input_type=float | str)
 
 
+def _share(value: Any) -> Any:
+    """A share as a number, or as text in per cent."""
+    if isinstance(value, str):
+        parts = re.fullmatch(r"\s*(\d{1,3}(?:\.\d{1,30})?)\s*%\s*", value)
+        if parts is None:
+            raise ValueError("is neither a number nor a text such as '3.5 %'")
+        return float(parts[1]) / 100.0
+    if isinstance(value, int | float) and not isinstance(value, bool) and 1.0 <= value < 100.0:
+        raise ValueError(f"is {100.0 * value:g} %: write {value / 100.0:g}, or '{value:g} %'")
+    return value
+
+
+PerCent = BeforeValidator(_share, json_schema_input_type=float | str)
 Metres = Annotated[float, quantity("m"), Field(gt=0)]
 Millimetres = Annotated[float, quantity("mm"), Field(gt=0)]
 Pascals = Annotated[float, quantity("Pa"), Field(gt=0)]

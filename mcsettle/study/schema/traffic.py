@@ -20,6 +20,8 @@ class CarTable(Table):
     """What describes a car; keys left out follow the vehicle that is named."""
 
     model: Literal["complete", "bogies", "wheelsets"] | None = None
+    axles_per_bogie: Annotated[int, Field(ge=1, le=4)] | None = None
+    bodies: Annotated[int, Field(ge=1, le=20)] | None = None
     car_length_m: Metres | None = None
     bogie_spacing_m: Metres | None = None
     axle_spacing_m: Metres | None = None
@@ -47,7 +49,7 @@ class ConsistTable(CarTable):
 
     vehicle: Name
     count: Annotated[int, Field(ge=1, le=200)] = 1
-    axle_loads_t: Annotated[tuple[Tonnes, ...], Field(min_length=4, max_length=4)] | None = None
+    axle_loads_t: Annotated[tuple[Tonnes, ...], Field(min_length=2, max_length=84)] | None = None
 
 
 class TrainTable(CarTable):
