@@ -7,7 +7,6 @@ from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
     from mcsettle.summary.results import Results
-    from mcsettle.summary.summary import SummaryRow
 
 FORMATS = (".png", ".svg", ".pdf")
 
@@ -25,8 +24,8 @@ def checked_picture(path: Path) -> Path:
     return path
 
 
-def draw(results: "Results", rows: "list[SummaryRow]", folder: Path, path: Path) -> None:
-    """Draw the first variant of the finished run in ``folder``."""
+def draw(results: "Results", folder: Path, path: Path) -> None:
+    """Draw the variant that stands first in the finished run in ``folder``."""
     from mcsettle.report.curves import fans, spreads, survivals
     from mcsettle.report.figures.results import overview_figure
     from mcsettle.report.figures.style import save
@@ -34,10 +33,12 @@ def draw(results: "Results", rows: "list[SummaryRow]", folder: Path, path: Path)
     from mcsettle.report.words import unit_words
     from mcsettle.storage.provenance import read_provenance
     from mcsettle.summary.answers import answers
+    from mcsettle.summary.summary import summary_rows
 
-    answer = answers(results)
-    variant = results.study.variant(answer.form)
-    material = Material(results, tuple(rows), answer, read_provenance(folder))
+    material = Material(
+        results, tuple(summary_rows(results)), answers(results), read_provenance(folder)
+    )
+    variant = results.study.variant(material.variant)
     costs = spreads(material, "marginal_cost") if material.compared else []
     change = results.study.change(material.compared[0]) if material.compared else None
     label = "" if change is None else f"marginal cost\n[{unit_words(change.unit)}]"

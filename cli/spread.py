@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.markup import escape
 
-from mcsettle.cli.tables import UNKNOWN, add_numbers, console, shown, table
+from mcsettle.cli.tables import UNKNOWN, add_numbers, console, print_fitted, shown, table
 from mcsettle.estimate.rounding import number
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def print_spread(rows: "list[SummaryRow]") -> None:
         if any(cells):
             split.add_row(row.scenario, row.metric, *cells)
     if split.row_count:
-        out.print(split)
+        print_fitted(out, split, ("interaction", "correlation"))
     lines = list(_index_lines(rows))
     for line in lines:
         out.print(line, markup=False)
@@ -69,7 +69,7 @@ def _print_lines(out: Console, rows: "list[SummaryRow]") -> None:
             named, ends = ["", ""], ["", ""]
     if not means.row_count:
         return
-    out.print(means)
+    print_fitted(out, means, ("cost at mean interval", "median section", "P50", "P95", "P5"))
     for note in dict.fromkeys(s.estimate.note for r in rows for s in r.spread if s.subject):
         if note.startswith("restricted"):
             out.print(f"Intervals are {note}: sections that last longer count with it.")

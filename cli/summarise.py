@@ -1,4 +1,4 @@
-"""``mcsettle summarise``: the numbers of a run beside published ones, as tables or JSON."""
+"""``mcsettle summarise``: the answer on one screen; every number in tables or as JSON."""
 
 import dataclasses
 import json
@@ -11,7 +11,7 @@ import typer
 from mcsettle.cli.options import Folder, Json
 from mcsettle.cli.picture import checked_picture, draw
 from mcsettle.cli.spread import print_spread, statistics_json
-from mcsettle.cli.tables import add_numbers, console, quantiles, shown, table
+from mcsettle.cli.tables import add_numbers, console, print_fitted, quantiles, shown, table
 from mcsettle.cli.terminal import plainly, talk
 
 if TYPE_CHECKING:
@@ -22,25 +22,33 @@ if TYPE_CHECKING:
 @plainly
 def summarise(
     folder: Folder,
+    every: Annotated[bool, typer.Option("--all", help="Every number, in tables.")] = False,
     json_output: Json = False,
     picture: Annotated[
         Path | None, typer.Option(help="Also draw the results into this file (PNG, SVG).")
     ] = None,
 ) -> None:
-    """Print days, reduction, elasticity and marginal cost, beside the study's reference values."""
+    """Print the answer of a run on one screen: prices, what they are worth, when the line is tamped."""
     from mcsettle.summary.results import read_results
-    from mcsettle.summary.summary import summary_rows
 
     if picture is not None:
         checked_picture(picture)
     results = read_results(folder)
-    rows = summary_rows(results)
-    if json_output:
-        typer.echo(summary_json(results, rows))
+    if every or json_output:
+        from mcsettle.summary.summary import summary_rows
+
+        rows = summary_rows(results)
+        if json_output:
+            typer.echo(summary_json(results, rows))
+        else:
+            print_summary(results, rows)
     else:
-        print_summary(results, rows)
+        from mcsettle.cli.one_screen import one_screen
+        from mcsettle.summary.answers import answers
+
+        typer.echo("\n".join(one_screen(results, answers(results), str(folder))))
     if picture is not None:
-        draw(results, rows, folder, picture)
+        draw(results, folder, picture)
         talk(f"Drew {picture}")
 
 
@@ -78,7 +86,10 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
             if given is not None:
                 bands.add_row(*given)
             previous = row.scenario
-        out.print(bands if of_variant else f"{title}: no realisation has a result")
+        if of_variant:
+            print_fitted(out, bands, ("at", "published", "cens.", "n", "unit"))
+        else:
+            out.print(f"{title}: no realisation has a result")
         print_spread(of_variant)
         print_inputs(results, variant.name)
     for line in _remarks(results):

@@ -1,10 +1,11 @@
 """Tables and numbers on the terminal, the same for every command."""
 
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from mcsettle.estimate.rounding import number
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 
 WIDTH = 140  # of a table that is not on a terminal
 UNKNOWN = "–"
+FOLDED = 8  # characters of a column of text that folds
 
 
 def console() -> Console:
@@ -29,9 +31,39 @@ def table(title: str, *headings: str) -> Table:
 
 
 def add_numbers(made: Table, *headings: str) -> None:
-    """Columns of numbers with these ``headings``."""
+    """Columns of numbers with these ``headings``; their digits stay on one line."""
     for heading in headings:
-        made.add_column(heading, justify="right")
+        made.add_column(heading, justify="right", no_wrap=True)
+
+
+def print_fitted(out: Console, made: Table, dispensable: Sequence[str]) -> None:
+    """Print a table; where it is too wide its ``dispensable`` columns go, the first ones first.
+
+    What text is left folds; digits are never cut.
+    """
+    kept, left = list(made.columns), list(dispensable)
+    while left and _least(kept) > out.width:
+        kept = [column for column in kept if column.header != left[0]]
+        left.pop(0)
+    fitted = Table(title=made.title, title_justify="left", pad_edge=False)
+    folds = _least(kept) > out.width
+    for column in kept:
+        number_column = column.justify == "right"
+        fitted.add_column(column.header, justify=column.justify, overflow="fold",
+                          no_wrap=column.no_wrap and (number_column or not folds))  # fmt: skip
+    for row in zip(*(column.cells for column in kept), strict=True):
+        fitted.add_row(*row)
+    out.print(fitted)
+
+
+def _least(columns: Sequence[Column]) -> int:
+    """Width [columns] below which numbers would be cut; text folds down to eight characters."""
+    widths = []
+    for column in columns:
+        cells = [str(column.header), *(str(cell) for cell in column.cells)]
+        width = max(len(line) for cell in cells for line in cell.split("\n"))
+        widths.append(width if column.no_wrap else min(width, FOLDED))
+    return sum(widths) + 3 * len(widths) + 1
 
 
 def shown(value: float | None, digits: int = 4) -> str:

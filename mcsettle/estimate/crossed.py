@@ -45,8 +45,8 @@ def crossed_quantiles(
     Returns
     -------
     list of Estimate
-        Exact where the unknown values cannot move it. Otherwise over the known ones, if the bounds
-        allow that; the interval covers whatever the unknown ones are.
+        Exact where the unknown values cannot move it. Otherwise over the known ones, if they are the
+        most and the bounds allow that; the interval covers whatever the unknown ones are.
     """
     drawn = Resampling(lowest.shape, seed, set_weights)
     unknown = lowest < highest
@@ -208,7 +208,7 @@ def _bounded(
 ) -> Estimate:
     """Estimate of a quantile that the unknown values could move between ``worst``."""
     note = f"worst case {worst[0]:.4g} to {worst[1]:.4g}"
-    if not worst[0] <= value <= worst[1]:
+    if 2 * n_unknown > n or not worst[0] <= value <= worst[1]:
         return Estimate(None, *interval, None, n, n_unknown, unit, note)
     note = f"over {n - n_unknown} uncensored pairs; {note}"
     sides = [abs(end - value) for end in interval if end is not None]

@@ -158,9 +158,9 @@ def effect_quantile(
     -------
     Estimate
         Where the censored pairs cannot move the quantile, it is exact. Otherwise ``value`` is over
-        the pairs with both intervals, or None if the bounds contradict it; the note gives the
-        worst-case bounds, and the interval covers the quantile of all pairs whatever the censored
-        ones are.
+        the pairs with both intervals, or None if most pairs are censored or the bounds contradict
+        it; the note gives the worst-case bounds, and the interval covers the quantile of all pairs
+        whatever the censored ones are.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def effect_quantile(
     note = f"over {len(known)} uncensored pairs; worst case {worst[0]:.4g} to {worst[1]:.4g}"
     if worst[0] == worst[1]:
         value, note = worst[0], ""
-    elif value is None or not worst[0] <= value <= worst[1]:
+    elif value is None or 2 * n_censored > n or not worst[0] <= value <= worst[1]:
         value, note = None, f"worst case {worst[0]:.4g} to {worst[1]:.4g}"
     error = None if value is None else _implied_error(lower, value, upper, confidence)
     return Estimate(value, lower, upper, error, n, n_censored, unit, note)

@@ -7,14 +7,17 @@ difference of the speeds.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from mcsettle.estimate.estimate import Estimate
-from mcsettle.report.material import Material
 from mcsettle.report.money import currency_of, symbol
 from mcsettle.report.words import mostly_known
 from mcsettle.study.study import Study
 from mcsettle.summary.summary import SummaryRow
 from mcsettle.units import TONNE
+
+if TYPE_CHECKING:
+    from mcsettle.report.material import Material
 
 KM_PER_MILE = 1.609344
 
@@ -107,7 +110,7 @@ def headline_unit(study: Study, scenario: str, miles: bool = False) -> PriceUnit
                  and units[0].label.startswith("km/h")), units[0])  # fmt: skip
 
 
-def charges(material: Material, scenario: str) -> list[Charge]:
+def charges(material: "Material", scenario: str) -> list[Charge]:
     """The marginal cost of ``scenario`` in every unit that it has; none of a minority of the tracks."""
     row = material.row(scenario, "marginal_cost")
     if row is None or not mostly_known(row):

@@ -15,6 +15,7 @@ from mcsettle.report.price_words import (
     interval_change,
     price_interval,
     price_places,
+    scaled_unit,
     sections_words,
     sign_words,
 )
@@ -78,7 +79,7 @@ def _units(material: Material, scenarios: list[str]) -> tuple[str, str, dict[str
         if name in units and effect.price.value is not None
     ]
     money = money_for(currency_of(study), prices)
-    scaled = {n: PriceUnit(u.label, u.factor * money.scale) for n, u in units.items()}
+    scaled = {name: scaled_unit(unit, money.scale) for name, unit in units.items()}
     return units[scenarios[0]].label, (money.word or money.sign).strip(), scaled
 
 

@@ -153,6 +153,11 @@ def _share(share: float) -> str:
     return f"{100.0 * share:.0f} %"
 
 
+def scaled_unit(unit: PriceUnit, scale: float) -> PriceUnit:
+    """The unit with its amounts times ``scale``: in pence instead of pounds."""
+    return PriceUnit(unit.label, unit.factor * scale)
+
+
 def price_places(effects: Iterable[tuple[FormEffect, PriceUnit]]) -> int | None:
     """Decimals of a column of prices: two digits of the largest error; None where none is known."""
     errors = [

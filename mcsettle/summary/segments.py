@@ -134,7 +134,7 @@ def _row(name: object, part: pd.DataFrame) -> SegmentRow:
         weighted_quantiles(sound["days"].to_numpy(), weights),
         _quantiles(sound["cost"].to_numpy(), weights),
         _mean(sound["cost"].to_numpy(), weights),
-        _mean(sound["marginal"].to_numpy(), weights),
+        _mean_of_most(sound["marginal"].to_numpy(), weights),
     )
 
 
@@ -143,6 +143,13 @@ def _quantiles(values: np.ndarray, weights: np.ndarray) -> tuple[float, ...]:
     if not known.any():
         return (np.nan,) * len(LEVELS)
     return weighted_quantiles(values[known], weights[known])
+
+
+def _mean_of_most(values: np.ndarray, weights: np.ndarray) -> float:
+    """Mean over the pairs with both intervals; NaN where most of the weight is of censored ones."""
+    known = np.isfinite(values)
+    most = 2.0 * float(np.sum(weights[known])) >= float(np.sum(weights))
+    return _mean(values, weights) if most else np.nan
 
 
 def _mean(values: np.ndarray, weights: np.ndarray) -> float:

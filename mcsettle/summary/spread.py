@@ -58,6 +58,8 @@ def interval_spread(
     days = matrix(table, INTERVAL)
     censored = np.isnan(days) & ~np.isnan(matrix(table, "censored_at_days"))
     found = list(_split(study, members, table, days, censored, weights))
+    if 2 * censored.sum() > np.sum(~np.isnan(days) | censored):
+        return found  # the mean over a line is mostly the horizon
     if not censored.any():
         return found + _lines(study, days, "d", "", weights)
     # A section that outlasts the horizon counts with the horizon, in every mean.
@@ -96,6 +98,8 @@ def effect_spread(
     if weights is None:  # a matter of the design, not of what is known of the line
         found.setdefault("reduction_percent", []).extend(_pairing(base, other))
     cost = matrix(effects, "marginal_cost", sets)
+    if 2 * np.sum(np.isnan(cost) & sound) > np.sum(sound):
+        return found  # the known pairs are the short-lived ones: their mean is not the line's
     at_mean = _cost_at_mean(members, scenario, base, other, weights)
     costs = found.setdefault("marginal_cost", [])
     note = "censored pairs left out" if _gaps(cost) else ""

@@ -1,0 +1,77 @@
+"""``summarise``: the answer on one screen, in thirty lines of eighty columns, digits whole."""
+
+import re
+from pathlib import Path
+
+import made_run
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mcsettle.cli.app import app
+from mcsettle.cli.one_screen import COLUMNS, LINES
+
+DAYS = np.linspace(500.0, 900.0, 41)
+
+
+def said(folder: Path, *options: str) -> str:
+    done = CliRunner().invoke(app, ["summarise", str(folder), *options])
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def freight(tmp_path_factory) -> Path:
+    variants = [{"name": "soft"}, {"name": "stiff", "stress": "total"}]
+    made = made_run.tonnage_study(variants=variants, economics={"effect": "tonnage",
+                                  "baseline": "A", "price_base_year": 2021})  # fmt: skip
+    folder = tmp_path_factory.mktemp("freight") / "run"
+    return made_run.write(folder, made, {"A": DAYS, "C": 0.95 * DAYS})
+
+
+def test_one_screen_has_the_answer(freight: Path) -> None:
+    text = said(freight)
+    lines = text.rstrip("\n").split("\n")
+    assert len(lines) <= LINES
+    assert max(map(len, lines)) <= COLUMNS
+    assert "What does one more freight train a day cost in tamping?" in text
+    for part in ("GBP of 2021", "pence per 1000 gross tonne-km", "line mean (95 %)", "2 model forms",
+                 "freight, 4000 t, 97 km/h", "half of the sections", "−5.0 %"):  # fmt: skip
+        assert part in text
+    assert re.search(r"C .* yes$", text, re.MULTILINE)
+
+
+def test_a_saving_has_its_sign_and_one_form_is_no_yes(tmp_path: Path) -> None:
+    made = made_run.tonnage_study()
+    text = said(made_run.write(tmp_path / "run", made, {"A": DAYS, "C": 1.05 * DAYS}))
+    assert re.search(r"C .* −\d.* only as a range$", text, re.MULTILINE)
+    assert "+5.0 %" in text
+    assert "Run the set of forms" in text
+
+
+def test_many_scenarios_and_long_titles_stay_on_the_screen(tmp_path: Path) -> None:
+    base = [{"train": "passenger", "speed_kmh": 200.0, "per_day": 72}]
+    more = [{"train": "freight", "speed_kmh": 97.0, "per_day": 1}]
+    names = ["A", *(f"scenario_{i}" for i in range(12))]
+    scenarios = [
+        {"name": n, "title": f"a title that is far too long for one line {n} " * 3,
+         "timetable": base if n == "A" else [*base, {**more[0], "speed_kmh": 80.0 + i}]}
+        for i, n in enumerate(names)
+    ]  # fmt: skip
+    made = made_run.tonnage_study(scenarios=scenarios, title="A study of many words " * 10)
+    days = {n: DAYS * (1.0 - 0.01 * i) for i, n in enumerate(names)}
+    lines = said(made_run.write(tmp_path / "run", made, days)).rstrip("\n").split("\n")
+    assert len(lines) <= LINES
+    # The folder's own path may be longer than a line; nothing else is.
+    assert all(len(line) <= COLUMNS for line in lines)
+    assert any("more scenarios: --all" in line for line in lines)
+
+
+def test_every_number_at_eighty_columns_keeps_its_digits(
+    freight: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mcsettle.cli.tables.WIDTH", COLUMNS)
+    text = said(freight, "--all")
+    assert "…" not in text
+    assert max(map(len, text.split("\n"))) <= COLUMNS
+    assert "marginal_cost" in text
