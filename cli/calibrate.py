@@ -150,7 +150,8 @@ def posterior_lines(found: "Posterior") -> Iterator[str]:
 
 def posterior_warnings(found: "Posterior") -> Iterator[str]:
     """What makes a posterior doubtful."""
-    from mcsettle.analysis.posterior import FEW, MISFIT
+    from mcsettle.analysis.posterior import MISFIT
+    from mcsettle.estimate.conditioning import FEW
 
     if found.few:
         yield (

@@ -1,6 +1,6 @@
 """SDs on later days from SDs observed before: a predictive band, and whether it holds.
 
-The posterior of the settlement factor and of which track it is (``inference``) weighs every
+The posterior of the settlement factor and of which track it is (``posterior``) weighs every
 realisation at every factor of a grid; the prediction for a day is the mixture of their SDs, each with
 the error of a measurement. Observations held out are compared with it: in the long run as many must
 fall inside a band as its level says.
@@ -10,24 +10,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from mcsettle.analysis.posterior import (
-    FIRST_REACH,
-    HIGHEST,
-    LOWEST,
-    Ensemble,
-    least_squares,
-    posterior_grid,
-)
+from mcsettle.analysis.posterior import FACTORS, STAGE, fitted, sd_model
 from mcsettle.errors import InputError
+from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.observation import Observation
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
-from mcsettle.units import MM
+from mcsettle.types import Progress, silent
 
-LEVELS = (0.05, 0.5, 0.95)
-HALVINGS = 60
+LIGHT = 1e-9  # of the largest weight: factors and tracks below it are left out
 
 
 @dataclass(frozen=True)
@@ -63,32 +56,30 @@ def forecast(
     Raises
     ------
     InputError
-        Nothing is left to fit to, or nothing is held out; or as ``inference.infer_factor``.
+        Nothing is left to fit to, or nothing is held out; or as ``posterior.infer_factor``.
     """
     if not 0 < hold_out < len(observations):
         raise InputError(
-            f"--hold-out {hold_out} of {len(observations)} observations; hold out at least one and "
+            f"{hold_out} of {len(observations)} observations held out; hold out at least one and "
             "leave at least one to fit to"
         )
-    name = variant or study.variant_names[0]
-    rows = tuple(sorted(observations, key=lambda o: o.day or 0.0))
-    fitted = Ensemble(study, scenario, name, rows[:-hold_out], progress, processes)
-    logs, weights, _ = posterior_grid(fitted, least_squares(fitted), FIRST_REACH)
-    if logs[0] < np.log(LOWEST) or logs[-1] > np.log(HIGHEST):
-        raise InputError(
-            "the observations that are left to fit to do not tell the factor from none at all: hold out "
-            "fewer, or wait for growth beyond their errors"
-        )
-    whole = Ensemble(study, scenario, name, rows, progress, processes)
-    sd = whole.on(logs)
-    errors = np.array([row.error for row in rows]) * MM
-    bands = predicted(sd, weights, errors)
-    observed = np.array([row.value for row in rows]) * MM
-    shares = percentiles(sd, weights, errors, observed)
+    variant = variant or study.variant_names[0]
+    rows = sorted(observations, key=lambda o: o.day or 0.0)
+    every = sd_model(study, scenario, variant, rows, progress, processes)
+    tell = progress or silent
+    tell(STAGE, 0, 2)
+    posterior = fitted(every.of(every.observations[:-hold_out]), study.run.realisations)
+    tell(STAGE, 1, 2)
+    logs = np.linspace(posterior.middles[0], posterior.middles[-1], FACTORS[-1])
+    sd = np.stack(every.predicted(logs, posterior.middles, study.run.realisations), axis=2)
+    tell(STAGE, 2, 2)
+    errors, observed = (np.array([getattr(o, of) for o in rows]) for of in ("error", "value"))
+    bands = predicted(sd, posterior.track_weights, errors)
+    shares = percentiles(sd, posterior.track_weights, errors, observed)
     return [
         Prediction(
             row.day or 0.0,
-            tuple(float(q) / MM for q in bands[place]),
+            tuple(bands[place].tolist()),
             row.value,
             place >= len(rows) - hold_out,
             float(shares[place]),
@@ -97,23 +88,12 @@ def forecast(
     ]
 
 
-def posterior_weights(sd: np.ndarray, observed: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Weights [F, R], adding up to 1, of factors and tracks with SDs ``sd`` [F, R, O] m.
-
-    Gaussian errors [O] m of the observations [O] m, factors and tracks alike before.
-    """
-    misses = np.clip((sd - observed) / error, -1e6, 1e6)
-    square = np.sum(misses**2, axis=2)
-    weights = np.exp(-0.5 * (square - np.min(square)))
-    return np.asarray(weights / np.sum(weights))
-
-
 def percentiles(
     sd: np.ndarray, weights: np.ndarray, error: np.ndarray, observed: np.ndarray
 ) -> np.ndarray:
-    """Share [D] of the prediction below ``observed`` [D] m: the mixture's distribution function.
+    """Share [D] of the prediction below ``observed`` [D]: the mixture's distribution function.
 
-    ``sd`` [F, R, D] m, ``weights`` [F, R], ``error`` [D] m of one measurement.
+    ``sd`` [F, R, D], ``weights`` [F, R], ``error`` [D] of one measurement, all of one unit.
     """
     return np.einsum("fr,frd->d", weights, ndtr((observed - sd) / error))
 
@@ -121,16 +101,18 @@ def percentiles(
 def predicted(
     sd: np.ndarray, weights: np.ndarray, error: np.ndarray, levels: Sequence[float] = LEVELS
 ) -> np.ndarray:
-    """Quantiles [D, L] m of the prediction, by halving intervals of its distribution function."""
-    known = np.where(np.isfinite(sd), sd, np.nan)
-    bottom = np.nanmin(known, axis=(0, 1)) - 10.0 * error
-    top = np.nanmax(known, axis=(0, 1)) + 10.0 * error
-    found = np.empty((sd.shape[2], len(levels)))
-    for place, level in enumerate(levels):
-        low, high = bottom.copy(), top.copy()
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            below = percentiles(sd, weights, error, middle) < level
-            low, high = np.where(below, middle, low), np.where(below, high, middle)
-        found[:, place] = 0.5 * (low + high)
-    return found
+    """Quantiles [D, L] of the prediction, by the roots of its distribution function."""
+    heavy = weights > LIGHT * np.max(weights)
+    shares = weights[heavy] / np.sum(weights[heavy])
+    columns = zip(sd[heavy].T, error, strict=True)
+    return np.array([[_quantile(c, shares, e, level) for level in levels] for c, e in columns])
+
+
+def _quantile(sd: np.ndarray, shares: np.ndarray, error: float, level: float) -> float:
+    finite = sd[np.isfinite(sd)]
+    low, high = np.min(finite) - 10.0 * error, np.max(finite) + 10.0 * error
+
+    def excess(x: float) -> float:
+        return float(shares @ ndtr((x - sd) / error)) - level
+
+    return float(high if excess(high) <= 0.0 else brentq(excess, low, high, xtol=1e-12))

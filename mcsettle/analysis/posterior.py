@@ -1,42 +1,49 @@
 """The settlement factor from observed SDs of one section: least squares and a posterior.
 
-The section's own track is unknown: it may be any of the study's realisations. For every factor of a
-grid and every realisation the model gives the SD on the days observed; the likelihood of the
-observations is Gaussian with their stated errors, and the posterior of the factor is its average over
-the realisations, by importance weights on the ensemble, under a prior uniform in log(factor). What the
-study conditions on (the initial SD, its traffic) is conditioned on here.
+The section's own track is unknown: it may be any of the study's realisations. For every factor and every
+realisation the model gives the SD on the days observed; the likelihood of the observations is Gaussian
+with their stated errors, and the posterior of the factor is its average over the realisations, under a
+prior uniform in log(factor) between ``LOWEST`` and ``HIGHEST``. What the study conditions on (the initial
+SD, its traffic) is conditioned on here.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.special import ndtri
 
+from mcsettle.analysis.calibration import HIGHEST, LOWEST
 from mcsettle.errors import InputError
+from mcsettle.estimate.conditioning import FEW
+from mcsettle.estimate.estimate import LEVELS
+from mcsettle.estimate.factor_posterior import FactorPosterior, factor_posterior
+from mcsettle.estimate.likelihood import Likelihood, likelihood_of
 from mcsettle.estimate.observation import Observation
+from mcsettle.estimate.resampling import effective
+from mcsettle.run.factor_model import FactorModel
 from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import Case, build_case
-from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.study.distributions import distribution
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
-from mcsettle.units import MM
+from mcsettle.types import Progress, silent
 
-LOWEST, HIGHEST = 1e-3, 1e6
-COARSE, FINE = 10, 25  # factors of the two grids: a decade apart, and across the posterior
-FAR = 8.0  # standard errors above every observation a track is followed no further
-FIRST_REACH = 0.5  # in log(factor), on each side of the least squares
-FEW = 20.0  # effective realisations below which the posterior is a matter of chance
+FACTORS = (25, 13, 25)  # that the model is computed at, pass by pass
+FEW_TRACKS = 16  # of the first pass
 MISFIT = 3.0  # standard errors from the nearest realisation that is still called a fit
-LEVELS = (0.05, 0.5, 0.95)
+NEGLIGIBLE = 1e-3  # share of the posterior at each end that is not resolved
+AT_END = 1e-4  # share within a factor e of an end of the prior: more, and the prior decides
+PRIOR = distribution("log_uniform", {"low": LOWEST, "high": HIGHEST})
+STAGE = "Factors that fit the observations"
 
 
 @dataclass(frozen=True)
 class Posterior:
     """What the observations say of the settlement factor.
 
-    ``least_squares`` fits the mean SD of all tracks; ``quantiles`` are P5, P50, P95 of the posterior
-    and ``median``, ``log_sd`` its lognormal summary. ``effective`` is how many realisations carry the
-    weight, ``misfit`` the root mean square residual of the best one in standard errors.
+    ``least_squares`` fits the median SD of all tracks; ``quantiles`` are P5, P50, P95 of the posterior
+    and ``median``, ``log_sd`` the lognormal distribution through them. ``effective`` is how many
+    realisations carry the weight, ``misfit`` the root mean square residual of the best one in standard
+    errors.
     """
 
     scenario: str
@@ -60,7 +67,7 @@ class Posterior:
 def infer_factor(
     study: Study,
     scenario: str,
-    observations: tuple[Observation, ...],
+    observations: Sequence[Observation],
     variant: str | None = None,
     progress: Progress | None = None,
     processes: int = 1,
@@ -70,124 +77,121 @@ def infer_factor(
     Raises
     ------
     InputError
-        The observations ask for a factor outside [LOWEST, HIGHEST]; the message gives the reach.
+        An observation lies beyond the horizon; no factor in [LOWEST, HIGHEST] comes near the
+        observations; or they do not constrain it.
     """
     variant = variant or study.variant_names[0]
-    ensemble = Ensemble(study, scenario, variant, observations, progress, processes)
-    centre = least_squares(ensemble)
-    logs, weights, misfit = posterior_grid(ensemble, centre, FIRST_REACH)
-    by_factor = weights.sum(axis=1)
-    mean = float(by_factor @ logs)
-    sd = float(np.sqrt(by_factor @ (logs - mean) ** 2))
-    by_track = weights.sum(axis=0)
+    model = sd_model(study, scenario, variant, observations, progress, processes)
+    tell = progress or silent
+    tell(STAGE, 0, 2)
+    of_tracks = fitted(model, study.run.realisations)
+    tell(STAGE, 1, 2)
+    least_squares = _least_squares(model, study.run.realisations)
+    tell(STAGE, 2, 2)
+    low, middle, high = (of_tracks.factor_at(level) for level in LEVELS)
     return Posterior(
         scenario=scenario,
         variant=variant,
-        observations=observations,
-        least_squares=float(np.exp(centre)),
-        quantiles=tuple(float(np.exp(_quantile(logs, by_factor, p))) for p in LEVELS),  # type: ignore[arg-type]
-        median=float(np.exp(mean)),
-        log_sd=sd,
-        effective=float(1.0 / np.sum(by_track**2)),
-        misfit=misfit,
-        realisations=len(by_track),
+        observations=tuple(observations),
+        least_squares=least_squares,
+        quantiles=(low, middle, high),
+        median=middle,
+        log_sd=float(np.log(high / low) / (ndtri(LEVELS[2]) - ndtri(LEVELS[0]))),
+        effective=effective(of_tracks.track_weights.sum(axis=0)),
+        misfit=_misfit(model, of_tracks),
+        realisations=study.run.realisations,
         seed=study.seed,
     )
 
 
-class Ensemble:
-    """SDs of every realisation on the days observed, for any factor."""
+def sd_model(
+    study: Study,
+    scenario: str,
+    variant: str,
+    observations: Sequence[Observation],
+    progress: Progress | None,
+    processes: int,
+) -> FactorModel:
+    """SDs of every realisation on the days observed, at any factor.
 
-    def __init__(
-        self,
-        study: Study,
-        scenario: str,
-        variant: str,
-        observations: tuple[Observation, ...],
-        progress: Progress | None,
-        processes: int,
-    ) -> None:
-        prepared = step_a(study.scenes, progress, processes)
-        case: Case = build_case(study.scene(variant, scenario), prepared)
-        observed = [observation.day or 0.0 for observation in observations]
-        self.days, self.place = np.unique(observed, return_inverse=True)
-        self.sd = np.array([o.value for o in observations]) * MM
-        self.error = np.array([o.error for o in observations]) * MM
-        horizon = float(max(self.days[-1] * 1.001, 1.0))
-        model = replace(case.model, settlement_factor=1.0)
-        limit = max(case.sd_limit, float(np.max(self.sd + FAR * self.error)))
-        self.case = replace(case, model=model, horizon=horizon, sd_limit=limit)
-        self.machine = CycleJump(self.case)
-        self.profiles = study.initial_profiles(variant).sample(range(study.run.realisations))
-        self.progress, self.done = progress, 0
-
-    def on(self, logs: np.ndarray) -> np.ndarray:
-        """SD [F, R, O] m for log factors [F]; inf where the track was beyond all observed before."""
-        return np.stack([self._one(float(np.exp(x))) for x in logs])
-
-    def _one(self, factor: float) -> np.ndarray:
-        self.done += 1
-        if self.progress is not None:
-            self.progress("Observations, factors tried", min(self.done, 100), 100)
-        factors = np.full(len(self.profiles), factor)
-        history = self.machine.run(self.profiles, self.days, factors).history
-        return np.where(np.isnan(history), np.inf, history)[:, self.place]
-
-    def reach(self, logs: np.ndarray) -> str:
-        """Why no factor will do: the SDs that the ends of the range give on the last day."""
-        low, high = (float(np.median(sd[:, -1])) / MM for sd in self.on(logs[[0, -1]]))
-        shown = f"{high:.3g} mm" if np.isfinite(high) else "far above the limit"
-        return (
-            f"the observations ask for a settlement factor outside {LOWEST:g} … {HIGHEST:g}: on day "
-            f"{self.days[-1]:g} these give SDs from {low:.3g} mm to {shown}, and "
-            f"{self.sd[-1] / MM:.3g} mm is observed; check profile.sd_mm, days and units"
-        )
-
-    def residuals(self, sd: np.ndarray) -> np.ndarray:
-        """(model − observed) / error, bounded so that runaway tracks weigh nothing."""
-        return np.asarray(np.clip((sd - self.sd) / self.error, -1e6, 1e6))
-
-
-def least_squares(ensemble: Ensemble) -> float:
-    """Log factor whose median SD fits best: the nearest decade, then a bounded search."""
-    coarse = np.linspace(np.log(LOWEST), np.log(HIGHEST), COARSE)
-
-    def cost(log_factor: float) -> float:
-        middle = np.median(ensemble.on(np.array([log_factor]))[0], axis=0)
-        return float(np.sum(ensemble.residuals(middle) ** 2))
-
-    costs = [cost(x) for x in coarse]
-    best = int(np.argmin(costs))
-    if best in (0, COARSE - 1):
-        raise InputError(ensemble.reach(coarse))
-    step = coarse[1] - coarse[0]
-    ends = (coarse[best] - step, coarse[best] + step)
-    return float(minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-3}).x)
-
-
-def posterior_grid(
-    ensemble: Ensemble, centre: float, reach: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Log factors [F], weights [F, R] that add up to 1, and the best track's misfit.
-
-    The grid is widened until its ends carry nothing, and narrowed until it resolves the posterior.
+    Raises
+    ------
+    InputError
+        Days lie beyond the horizon; all of them are named.
     """
-    for _ in range(8):
-        logs = np.linspace(centre - reach, centre + reach, FINE)
-        square = np.sum(ensemble.residuals(ensemble.on(logs)) ** 2, axis=2)
-        weights = np.exp(-0.5 * (square - np.min(square)))
-        weights /= np.sum(weights)
-        ends = float(np.sum(weights[[0, 1, -2, -1]]))
-        mean = float(weights.sum(axis=1) @ logs)
-        sd = float(np.sqrt(weights.sum(axis=1) @ (logs - mean) ** 2))
-        if ends < 1e-3 and (sd > 1.2 * (logs[1] - logs[0]) or reach < 1e-3):
-            break
-        centre, reach = (mean, 2.5 * reach) if ends >= 1e-3 else (mean, max(6.0 * sd, reach / 5.0))
-    misfit = float(np.sqrt(np.min(square) / len(ensemble.sd)))
-    return logs, weights, misfit
+    reasons = (o.beyond(study.limit.horizon_days) for o in observations)
+    if late := [reason for reason in reasons if reason]:
+        raise InputError("\n".join(late))
+    rows = [replace(o, scenario=scenario) for o in observations]
+    scenes = [study.scene(variant, scenario)]
+    return FactorModel(scenes, step_a(scenes, progress, processes), rows)
 
 
-def _quantile(logs: np.ndarray, weights: np.ndarray, level: float) -> float:
-    """Quantile of a density on a grid, linear between the middles of its cells."""
-    middle = np.cumsum(weights) - 0.5 * weights
-    return float(np.interp(level, middle, logs))
+def fitted(model: FactorModel, n_tracks: int) -> FactorPosterior:
+    """Posterior of the factor of one section, whose track is any of ``n_tracks``.
+
+    Raises
+    ------
+    InputError
+        No factor in the prior comes near the observations, or they do not constrain it.
+    """
+    posterior = factor_posterior(model.likelihood, PRIOR, _passes(n_tracks), NEGLIGIBLE)
+    if posterior is None:
+        raise InputError("every track failed at every settlement factor; check the study's inputs")
+    inner = np.log(LOWEST) + 1.0, np.log(HIGHEST) - 1.0
+    below, up_to = np.interp(inner, posterior.edges, posterior.reached)
+    if max(below, 1.0 - up_to) > AT_END:
+        if _misfit(model, posterior) > MISFIT:
+            raise InputError(_out_of_reach(model, n_tracks))
+        raise InputError(_unconstrained(posterior, below > AT_END))
+    return posterior
+
+
+def _unconstrained(posterior: FactorPosterior, from_below: bool) -> str:
+    """Why the prior would decide: how near to the observations the factors at its end come."""
+    logs = posterior.likelihood.plain()
+    off = float(np.sqrt(2.0 * (np.max(logs) - logs[0 if from_below else -1])))
+    side, growth = ("below", "no growth") if from_below else ("above", "the fastest growth")
+    return (
+        f"the observations do not constrain the settlement factor from {side}: {growth} is only "
+        f"{off:.2g} standard errors off, and 4.5 are needed. Observe until the SD has grown further, "
+        "fit to a median tamping interval, or give the factor a distribution "
+        "([[uncertain]], fitted = true) and the SDs as [[observed]] entries"
+    )
+
+
+def _passes(n_tracks: int) -> list[tuple[int, int]]:
+    """Factors and tracks of every pass."""
+    return list(zip(FACTORS, (min(FEW_TRACKS, n_tracks), n_tracks, n_tracks), strict=True))
+
+
+def _least_squares(model: FactorModel, n_tracks: int) -> float:
+    """Factor whose median SD over the tracks fits best."""
+
+    def of_median(logs: np.ndarray, wanted: np.ndarray, n: int) -> Likelihood:
+        medians = [np.nanmedian(sd, axis=1)[:, None] for sd in model.predicted(logs, wanted, n)]
+        values = dict(zip(model.observations, medians, strict=True))
+        return likelihood_of(model.observations, values.__getitem__)
+
+    posterior = factor_posterior(of_median, PRIOR, _passes(n_tracks), NEGLIGIBLE)
+    assert posterior is not None  # some track did not fail
+    return float(np.exp(posterior.middles[np.argmax(posterior.likelihood.plain())]))
+
+
+def _misfit(model: FactorModel, posterior: FactorPosterior) -> float:
+    """Root mean square residual of the best track at its best factor, in standard errors."""
+    (logs,) = posterior.likelihood.sections
+    return float(np.sqrt(-2.0 * np.nanmax(logs) / len(model.observations)))
+
+
+def _out_of_reach(model: FactorModel, n_tracks: int) -> str:
+    """Why no factor will do: the SDs that the ends of the prior give on the last day."""
+    last = max(model.observations, key=lambda o: o.day or 0.0)
+    ends = np.log([LOWEST, HIGHEST])
+    sd = model.predicted(ends, ends, min(FEW_TRACKS, n_tracks))
+    low, high = np.nanmedian(sd[model.observations.index(last)], axis=1)
+    return (
+        f"the observations ask for a settlement factor outside {LOWEST:g} … {HIGHEST:g}: on day "
+        f"{last.day:g} these give SDs from {low:.3g} mm to {high:.3g} mm or more, and "
+        f"{last.value:.3g} mm is observed; check profile.sd_mm, days and units"
+    )

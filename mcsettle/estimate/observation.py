@@ -30,6 +30,16 @@ class Observation:
         """Whether a tamping interval was observed, and no SD."""
         return self.day is None
 
+    def beyond(self, horizon_days: float) -> str | None:
+        """Why a model that ends at the horizon cannot be compared with it; None if it can."""
+        latest = self.value if self.day is None else self.day
+        if latest < horizon_days:
+            return None
+        return (
+            f"received day {latest:g}; a realisation is followed for {horizon_days:g} days "
+            "([limit] horizon_years): observe earlier, or set a later horizon"
+        )
+
 
 def by_section(observations: Iterable[Observation]) -> list[list[Observation]]:
     """Observations by section of line; the median of several sections stands alone."""

@@ -8,10 +8,11 @@ import toy
 from scipy import stats
 from typer.testing import CliRunner
 
-from mcsettle.analysis.forecast import forecast, percentiles, posterior_weights, predicted
+from mcsettle.analysis.forecast import forecast, percentiles, predicted
 from mcsettle.cli.app import app
 from mcsettle.cli.observations import read_observations
 from mcsettle.errors import InputError
+from mcsettle.estimate.likelihood import likelihood_of
 from mcsettle.estimate.observation import Observation
 from mcsettle.step_b.engine import engine_for
 from mcsettle.study.study import resolved_toml
@@ -52,6 +53,14 @@ def ensemble(fresh_cache: Path) -> tuple[np.ndarray, np.ndarray]:
     return logs, np.where(np.isnan(sd), np.inf, sd)
 
 
+def weights_of(sd: np.ndarray, observed: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Weights [F, R], adding up to 1, of factors and tracks with SDs ``sd`` [F, R, O]."""
+    rows = [Observation(*row) for row in zip(range(len(error)), observed, error, strict=True)]
+    (logs,) = likelihood_of(rows, lambda o: sd[:, :, int(o.day or 0)]).sections
+    weights = np.exp(logs - np.max(logs))
+    return np.asarray(weights / np.sum(weights))
+
+
 def test_coverage_of_the_calibrated_prediction_is_nominal(ensemble) -> None:
     """Sites with factor and track drawn from the prior, fitted to four dates, predicted on the fifth.
 
@@ -66,7 +75,7 @@ def test_coverage_of_the_calibrated_prediction_is_nominal(ensemble) -> None:
         truth = sd[factor, track] + rng.normal(0.0, ERROR, len(DAYS))
         others = np.delete(sd, track, axis=1)
         error = np.full(len(DAYS), ERROR)
-        weights = posterior_weights(others[:, :, :4], truth[:4], error[:4])
+        weights = weights_of(others[:, :, :4], truth[:4], error[:4])
         share = percentiles(others[:, :, 4:], weights, error[4:], truth[4:])[0]
         shares.append(share)
         for level in inside:
@@ -87,7 +96,7 @@ def _coverage(sd: np.ndarray, believed: float) -> float:
         factor, track = int(rng.integers(sd.shape[0])), int(rng.integers(sd.shape[1]))
         truth = sd[factor, track] + rng.normal(0.0, ERROR, len(DAYS))
         others, error = np.delete(sd, track, axis=1), np.full(len(DAYS), believed)
-        weights = posterior_weights(others[:, :, :4], truth[:4], error[:4])
+        weights = weights_of(others[:, :, :4], truth[:4], error[:4])
         share = percentiles(others[:, :, 4:], weights, error[4:], truth[4:])[0]
         hits += abs(share - 0.5) <= 0.45
     return hits / 200

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import toy
 
-from mcsettle.analysis.posterior import infer_factor
+from mcsettle.analysis.forecast import forecast
+from mcsettle.analysis.posterior import infer_factor, sd_model
 from mcsettle.cli.observations import read_observations
 from mcsettle.errors import InputError
+from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.observation import Observation
+from mcsettle.estimate.resampling import effective
 from mcsettle.step_a.transfers import step_a
 from mcsettle.step_b.case import build_case
 from mcsettle.step_b.engine import engine_for
@@ -34,13 +37,22 @@ def observed(study, factor, realisation, rng=None) -> tuple[Observation, ...]:
     return tuple(Observation(float(d), float(s), ERROR) for d, s in zip(DAYS, sd, strict=True))
 
 
-def test_the_factor_comes_back(study):
-    found = infer_factor(study, "v201", observed(study, TRUTH, 1000))
+def test_the_posterior_is_that_of_every_factor_and_track_computed(study):
+    rows = observed(study, TRUTH, 1000)
+    found = infer_factor(study, "v201", rows)
+    logs = np.linspace(np.log(20.0), np.log(600.0), 160)
+    model = sd_model(study, "v201", "base", rows, None, 1)
+    (of_tracks,) = model.likelihood(logs, logs, 64).sections
+    weights = np.exp(of_tracks - of_tracks.max())
+    weights /= weights.sum()
+    by_factor = weights.sum(axis=1)
+    exact = np.interp(LEVELS, np.cumsum(by_factor) - 0.5 * by_factor, logs)
+    np.testing.assert_allclose(np.log(found.quantiles), exact, atol=0.015)
+    assert found.effective == pytest.approx(effective(weights.sum(axis=0)), rel=0.02)
     low, middle, high = found.quantiles
-    assert low < TRUTH < high
     assert low < found.least_squares < high
-    assert found.median == pytest.approx(middle, rel=0.1)
-    assert np.exp(1.645 * found.log_sd) == pytest.approx(np.sqrt(high / low), rel=0.1)
+    assert found.median == middle
+    assert np.exp(1.645 * found.log_sd) == pytest.approx(np.sqrt(high / low), rel=0.01)
     assert found.effective > 20
     assert not found.few
     assert found.misfit < 1.0
@@ -59,8 +71,8 @@ def test_it_covers_at_its_rate(study):
 
 def test_smaller_errors_and_more_days_narrow_it(study):
     rows = observed(study, TRUTH, 1000)
-    wide = infer_factor(study, "v201", tuple(replace(o, error=0.1) for o in rows))
-    narrow = infer_factor(study, "v201", rows)
+    wide = infer_factor(study, "v201", rows)
+    narrow = infer_factor(study, "v201", tuple(replace(o, error=0.01) for o in rows))
     assert narrow.log_sd < wide.log_sd
     # That sections differ stays, however exactly one of them is measured.
     exact = infer_factor(study, "v201", tuple(replace(o, error=0.005) for o in rows))
@@ -76,6 +88,37 @@ def test_the_studys_own_factor_does_not_matter(study):
 def test_what_no_factor_gives_is_refused_with_the_reach(study):
     with pytest.raises(InputError, match=r"give SDs from 1.03 mm to .*, and 0.5 mm is observed"):
         infer_factor(study, "v201", (Observation(20.0, 0.5, 0.01),))
+
+
+def test_observations_that_do_not_constrain_the_factor_are_refused(study):
+    """Growth within the errors: any small factor explains it, down to the prior's end."""
+    for sd in (1.05, 1.02):
+        rows = Observation(0.0, 1.03, 0.05), Observation(20.0, sd, 0.05)
+        with pytest.raises(
+            InputError, match=r"from below: no growth is only 0\.\d+ standard errors off"
+        ):
+            infer_factor(study, "v201", rows)
+        with pytest.raises(InputError, match="do not constrain"):
+            forecast(study, "v201", [*rows, Observation(30.0, 1.1, 0.05)], 1)
+
+
+def test_days_beyond_the_horizon_are_refused_all_at_once(study):
+    rows = [Observation(day, 1.1, 0.05) for day in (1.0, 2e4, 3e4)]
+    for ask in (
+        lambda: infer_factor(study, "v201", rows),
+        lambda: forecast(study, "v201", rows, 1),
+    ):
+        with pytest.raises(InputError, match=r"day 20000.*\n.*day 30000"):
+            ask()
+
+
+def test_a_posterior_tells_its_progress_on_one_stage(study):
+    told = []
+    infer_factor(
+        study, "v201", observed(study, TRUTH, 1000), progress=lambda *one: told.append(one)
+    )
+    last = [stage for stage, done, total in told if done == total and "fit" in stage]
+    assert len(last) == 1
 
 
 def test_what_the_model_cannot_do_is_told(study):

@@ -35,9 +35,5 @@ def _reasons(entry: ObservedTable, horizon_days: float) -> Iterator[str]:
         return
     if entry.sections > 1 and not entry.is_interval:
         yield "sections = … belongs to the median of several tamping intervals; an SD is of one section"
-    latest = entry.tamping_interval_days if entry.is_interval else entry.day
-    if latest is not None and latest >= horizon_days:
-        yield (
-            f"received day {latest:g}; a realisation is followed for {horizon_days:g} days "
-            "([limit] horizon_years): observe earlier, or set a later horizon"
-        )
+    if late := entry.observation.beyond(horizon_days):
+        yield late

@@ -1,0 +1,102 @@
+"""Observations as Step B predicts them at any settlement factor, other inputs as they are."""
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from mcsettle.estimate.likelihood import Likelihood, likelihood_of
+from mcsettle.estimate.observation import Observation
+from mcsettle.railway.scene import Scene
+from mcsettle.step_a.transfers import StepA
+from mcsettle.step_b.case import Case, Outcome, build_case
+from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.units import MM
+
+FAR = 8.0  # errors beyond every observed SD a track is followed no further
+LONGER = 3.0  # than the interval observed: so far a track is followed
+
+
+class FactorModel:
+    """What the tracks of one variant do at any factor.
+
+    Parameters
+    ----------
+    scenes : all of one variant, of every scenario observed
+    prepared : their Step A
+    observations : Observation
+    """
+
+    def __init__(
+        self, scenes: Sequence[Scene], prepared: StepA, observations: Sequence[Observation]
+    ) -> None:
+        names = {o.scenario for o in observations}
+        self.cases = {s.scenario: build_case(s, prepared) for s in scenes if s.scenario in names}
+        self.initial = scenes[0].profiles
+        self.observations = tuple(observations)
+
+    def of(self, observations: Sequence[Observation]) -> "FactorModel":
+        """The model of some of the observations."""
+        fewer = copy(self)
+        fewer.observations = tuple(observations)
+        return fewer
+
+    def likelihood(self, logs: np.ndarray, wanted: np.ndarray, n_tracks: int) -> Likelihood:
+        """Likelihood at the log factors ``wanted`` [W], from Step B at ``logs`` [F]."""
+        values = dict(zip(self.observations, self.predicted(logs, wanted, n_tracks), strict=True))
+        return likelihood_of(self.observations, values.__getitem__)
+
+    def predicted(self, logs: np.ndarray, wanted: np.ndarray, n_tracks: int) -> list[np.ndarray]:
+        """Days or SDs [mm], [W, R], of each observation; NaN where the track failed."""
+        profiles = self.initial.sample(range(n_tracks))
+        sds = {
+            name: self._sds(name, np.exp(logs), profiles)
+            for name in dict.fromkeys(o.scenario for o in self.observations if not o.is_interval)
+        }
+        values = []
+        for observation in self.observations:
+            if observation.day is None:
+                log_days = self._log_days(observation, np.exp(logs), profiles)
+                values.append(np.exp(_between(logs, log_days, wanted)))
+            else:
+                values.append(_between(logs, sds[observation.scenario][observation.day], wanted))
+        return values
+
+    def _log_days(
+        self, observation: Observation, factors: np.ndarray, profiles: np.ndarray
+    ) -> np.ndarray:
+        """Log days [F, R] to the limit, of a track that outlives the horizon those of the horizon."""
+        case = self.cases[observation.scenario]
+        horizon = min(case.horizon, LONGER * observation.value)
+        outcome = _advanced(replace(case, horizon=horizon), factors, profiles, np.zeros(0))
+        days = np.where(outcome.reached, outcome.days, horizon)
+        log_days = np.where(outcome.failed, np.nan, np.log(np.maximum(days, 1e-9)))
+        return log_days.reshape(len(factors), -1)
+
+    def _sds(
+        self, scenario: str, factors: np.ndarray, profiles: np.ndarray
+    ) -> dict[float, np.ndarray]:
+        """SDs [F, R] mm by day observed; of a track beyond all that was observed, the highest."""
+        observed = [o for o in self.observations if o.scenario == scenario and o.day is not None]
+        days = np.unique([o.day for o in observed if o.day is not None])
+        case = self.cases[scenario]
+        limit = max(case.sd_limit, *((o.value + FAR * o.error) * MM for o in observed))
+        case = replace(case, sd_limit=limit, horizon=max(1.001 * float(days[-1]), 1.0))
+        outcome = _advanced(case, factors, profiles, days)
+        sd = np.where(np.isnan(outcome.history), limit, outcome.history) / MM
+        sd = np.where(outcome.failed[:, None], np.nan, sd).reshape(len(factors), -1, len(days))
+        return {float(day): sd[:, :, place] for place, day in enumerate(days)}
+
+
+def _advanced(case: Case, factors: np.ndarray, profiles: np.ndarray, days: np.ndarray) -> Outcome:
+    """Every track at every factor, factors outermost; SDs recorded on ``days``."""
+    model = replace(case.model, settlement_factor=1.0)
+    machine = CycleJump(replace(case, model=model))
+    rows = np.tile(profiles, (len(factors), 1))
+    return machine.run(rows, days, np.repeat(factors, len(profiles)))
+
+
+def _between(logs: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Values [W, R] at ``wanted``, linear between those [F, R] at ``logs``."""
+    return np.stack([np.interp(wanted, logs, column) for column in values.T], axis=1)
