@@ -23,8 +23,9 @@ from mcsettle.railway.modulus_curves import Curve
 from mcsettle.railway.softening_choices import SofteningSettings
 from mcsettle.railway.track import CASE_STUDY_TRACK, VALIDATION_TRACK, SectionTrack
 from mcsettle.railway.traffic import Train
+from mcsettle.step_a.depths import geostatic_stress
 from mcsettle.step_a.fem25d import MeshSettings
-from mcsettle.step_a.fem25d.depth_grid import depth_grid, geostatic_stress
+from mcsettle.step_a.fem25d.depth_grid import depth_grid
 from mcsettle.step_a.fem25d.element_scaling import track_frame
 from mcsettle.step_a.fem25d.moving_load import rail_coupling
 from mcsettle.step_a.fem25d.passing_train import along_train, line_wavenumbers, places
@@ -148,7 +149,7 @@ def reading(
     x = places(train) if x is None else x
     moving = ((values @ weights).T @ along_train(train, line_wavenumbers(WAVENUMBERS), x)).real
     if total:
-        moving += (geostatic_stress(track, grid) @ weights)[:, None]
+        moving += (geostatic_stress(track.layers, grid) @ weights)[:, None]
     sigma = deviatoric_stress(*moving)
     return float(sigma.max() if where == "largest" else sigma.mean())
 

@@ -6,8 +6,8 @@ A profile is a sum of waves of the window, positive down,
 
 kept to the wavelengths of the 3–35 m band. A realisation is a stationary Gaussian process: its
 amplitudes are complex normal numbers, U_k = √(S(k) Δk) (g1 + i g2), so that the expected variance
-is Σ S(k) Δk. Its address is (seed, index): whatever the batch, the order or the machine, the same
-address gives the same track. Every sum over modes or points is taken row by row in a fixed order,
+is Σ S(k) Δk. Its address is (seed, index): in any batch, in any order and on any machine, the same
+address gives the same profile. Every sum over modes or points is taken row by row in a fixed order,
 so a realisation alone equals the same realisation in a batch, bit for bit.
 """
 
@@ -83,7 +83,7 @@ def sample_profiles(
     ----------
     spectrum : callable, k [rad/m] -> S(k) [m²/(rad/m)], one-sided
     wavenumbers : ndarray, shape [K], rad/m
-        Waves of the window (``wavenumbers``).
+        Those of the window's waves (``wavenumbers``).
     window : float, m
         Period of the profile; Δk = 2π/window.
     seed : int
@@ -92,9 +92,9 @@ def sample_profiles(
         Realisation indices, 0 to 2⁶⁴ − 1. Row r depends on (seed, indices[r]) alone.
     sd : float, m, optional
         Rescale each realisation to this standard deviation; otherwise it varies as the spectrum
-        has it.
+        gives it.
     section : float, m, optional
-        Length over which ``sd`` is meant (``standard_deviation``); by default the whole window.
+        Length over which ``sd`` is meant (``standard_deviation``); by default the complete window.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def sample_profiles(
     scale = np.sqrt(spectrum(k) * 2.0 * np.pi / window)
     rows = [_normals(seed, index, len(k)) for index in indices]
     normals = np.stack(rows) if rows else np.empty((0, len(k), 2))
-    # Real and imaginary parts are scaled apart: real products round alike in any batch.
+    # Real and imaginary parts are scaled apart: real products round in the same way in any batch.
     profiles = np.empty(normals.shape[:2], dtype=complex)
     profiles.real = scale * normals[:, :, 0]
     profiles.imag = scale * normals[:, :, 1]
@@ -139,9 +139,9 @@ def standard_deviation(
 ) -> np.ndarray:
     """Standard deviation of profiles given by their amplitudes.
 
-    Over the whole periodic window it is Parseval's √(½ Σ|U|²), exact. Over a section of it, in
+    Over the complete window it is Parseval's √(½ Σ|U|²), exact. Over a section of it, in
     windows much longer than the section (``default_section``), it is the standard deviation about
-    the section's own mean over 0 ≤ x ≤ ``section``, by a quadrature exact to rounding
+    the mean over 0 ≤ x ≤ ``section``, by a quadrature exact to rounding
     (``section_points``).
 
     Parameters
@@ -173,8 +173,8 @@ def standard_deviation(
 def default_section(window: float) -> float | None:
     """Section [m] of the standard deviation: 200 m in windows of 400 m and more, else the window.
 
-    Returns None for the whole window. All sections of a stationary profile are alike, so the first
-    one stands for each of them.
+    Returns None for the complete window. All sections of a stationary profile are statistically alike,
+    so the first one represents them.
     """
     return SECTION if window >= 2.0 * SECTION else None
 
@@ -229,7 +229,7 @@ def to_space(profiles: np.ndarray, wavenumbers: np.ndarray, x: np.ndarray) -> np
 
 
 def _normals(seed: int, index: int, n_modes: int, stream: tuple[int, int] = (0, 0)) -> np.ndarray:
-    """Standard normals of one address, shape [K, 2]; more modes leave the first ones alone."""
+    """Standard normals of one address, shape [K, 2]; more modes do not change the first ones."""
     for name, number in (("seed", seed), ("realisation index", index)):
         if not 0 <= number < 2**64:
             raise InputError(f"{name} is {number}; it must lie between 0 and 2**64 - 1")

@@ -21,7 +21,6 @@ from mcsettle.railway.record_findings import Finding, findings, repaired
 from mcsettle.railway.record_sections import Sections, cut, worse_rail
 from mcsettle.railway.spectra import fra
 
-ENSEMBLES = ("section", "phases", "sections")
 _NOISE_STREAM = 0x4E015E  # keeps the noise apart from the phases
 _PHASE_STREAM = 0x9A5E
 
@@ -118,7 +117,7 @@ def ensemble(
     ----------
     sections : Sections
     kind : str
-        One of ``ENSEMBLES``.
+        ``section``, ``phases`` or ``sections``.
     section : int
         Which section, from 1 (not with ``sections``).
     noise : float, m

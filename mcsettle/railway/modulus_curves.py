@@ -26,8 +26,8 @@ Kind = Literal[
 KINDS: tuple[Kind, ...] = get_args(Kind)
 ATMOSPHERE = 101.3e3  # Pa
 SMALLEST_STRAIN = 1e-8  # below it no curve changes
-CYCLES = 10.0  # Darendeli's and Menq's number of cycles
-FREQUENCY = 1.0  # Hz, theirs
+CYCLES = 10.0  # number of cycles of Darendeli and Menq
+FREQUENCY = 1.0  # Hz, as in Darendeli and Menq
 STRAINS = 10.0 ** np.arange(-6.0, -1.9, 0.5)  # of the tables
 _INDICES = np.array([0.0, 15.0, 30.0, 50.0])
 _VUCETIC_G = np.array(
@@ -60,7 +60,7 @@ _SEED = {
 
 @dataclass(frozen=True)
 class Curve:
-    """Curve of one layer; a parameter that its ``kind`` does not know is not used.
+    """Curve of one layer; parameters that its ``kind`` does not have are ignored.
 
     ``plasticity_index`` [%] (Ishibashi–Zhang, Vucetic–Dobry, Darendeli), ``ocr`` the
     overconsolidation ratio (Darendeli), ``uniformity_coefficient`` and ``d50`` [m] (Menq).
@@ -162,7 +162,7 @@ def _menq(gamma: Array, stress: Array, curve: Curve) -> tuple[Array, Array]:
 def _hyperbolic(gamma: Array, reference: Array, a: Array, least: Array) -> tuple[Array, Array]:
     """Modified hyperbola and Masing damping of Darendeli; strains and dampings in percent."""
     ratio = 1.0 / (1.0 + (gamma / reference) ** a)
-    x = np.maximum(gamma / reference, 1e-4)  # the bracket cancels below: it tends to 2x/3
+    x = np.maximum(gamma / reference, 1e-4)  # below, the bracket cancels and tends to 2x/3
     loop = 4.0 * (x - np.log1p(x)) * (1.0 + x) / x**2 - 2.0
     masing = 100.0 / math.pi * loop * np.minimum(gamma / reference / x, 1.0)
     c1 = -1.1143 * a**2 + 1.8618 * a + 0.2523
@@ -174,7 +174,7 @@ def _hyperbolic(gamma: Array, reference: Array, a: Array, least: Array) -> tuple
 
 
 def _vucetic_dobry(gamma: Array, index: float) -> tuple[Array, Array]:
-    """Vucetic and Dobry 1991, linear in the plasticity index (held beyond 50)."""
+    """Vucetic and Dobry 1991, linear in the plasticity index (constant beyond 50)."""
     modulus, damping = (
         np.array([np.interp(index, _INDICES, column) for column in table.T])
         for table in (_VUCETIC_G, _VUCETIC_D)
@@ -183,5 +183,5 @@ def _vucetic_dobry(gamma: Array, index: float) -> tuple[Array, Array]:
 
 
 def _on_table(gamma: Array, values: Array) -> Array:
-    """Table values over half decades, linear in log strain, held beyond the ends."""
+    """Table values over half decades, linear in log strain, constant beyond the ends."""
     return np.interp(np.log10(gamma), np.log10(STRAINS), values)

@@ -1,4 +1,4 @@
-"""Equivalent-linear soil as a description: how strains are measured, which curve a layer follows."""
+"""Choices of equivalent-linear soil: how strains are measured, which curve each layer follows."""
 
 from dataclasses import dataclass
 
@@ -47,13 +47,13 @@ class SofteningSettings:
         Raises
         ------
         ValueError
-            If ``curves`` names a layer the track does not have.
+            If ``curves`` names a layer that the track does not have.
         """
         named = dict(self.curves)
-        known = [layer.name for layer in track.layers]
-        unknown = sorted(set(named) - set(known))
+        names = [layer.name for layer in track.layers]
+        unknown = sorted(set(named) - set(names))
         if unknown:
-            raise ValueError(f"no layer '{unknown[0]}' in this track; choose one of {known}")
+            raise ValueError(f"no layer '{unknown[0]}' in this track; choose one of {names}")
         return tuple(
             named.get(layer.name, GROUND_CURVE if layer.width is None else EMBANKMENT_CURVE)
             for layer in track.layers

@@ -236,8 +236,8 @@ class BeamTrack:
     """Euler–Bernoulli rails on a continuous elastic layer: the paper's simplified track.
 
     ``support_stiffness`` [N/m²] is per rail. Stresses: the support reaction spread over the sleeper
-    length on a homogeneous elastic half-space of Poisson's ratio ``poisson``; ``layers`` only carry
-    the settlement laws, the unit weights and K0 over depth below the sleeper.
+    length on a homogeneous elastic half-space of Poisson's ratio ``poisson``; ``layers`` provide
+    only the settlement laws, the unit weights and K0 over depth below the sleeper.
     """
 
     layers: tuple[Layer, ...]
@@ -263,7 +263,7 @@ class BeamTrack:
 
 
 def layer_lines(layers: tuple[Layer, ...]) -> str:
-    """Layers in words, one a line: name, height, modulus, law."""
+    """Layers as text, one per line: name, height, modulus, law."""
     return "\n".join(
         f"{layer.name:<18} {layer.height:>6.2f} m  E {layer.material.youngs_modulus / 1e6:>6.0f} MPa"
         f"  {'does not settle' if layer.law is None else layer.law}"
@@ -294,8 +294,8 @@ def _check_layers(layers: tuple[Layer, ...]) -> None:
             raise ValueError(f"only the lowest layer may be a half-space, not '{layer.name}'")
 
 
-# Table 2 of the paper (case studies). The thin upper soil layer of the validation case takes the
-# properties of the layer below it, so the lean clay is one half-space.
+# Table 2 of the paper (case studies). Unlike in the validation case there is no thin upper soil layer:
+# the lean clay is one half-space.
 BALLAST = Layer("ballast", 0.3, Material(180e6, 0.27, 1650.0, 0.06), BallastLaw(), 2.8)
 SUB_BALLAST = Layer(
     "sub_ballast",

@@ -1,4 +1,4 @@
-"""Traffic: trains of cars, services at a speed, and the timetable as an ordered day of passages.
+"""Traffic: trains of cars, services at a speed, and the timetable as one ordered day.
 
 Positions along a train are positive forward with the leading axle at 0, so every other axle has a
 negative position and axle passages happen in the order of the arrays.
@@ -87,15 +87,15 @@ class Timetable:
 
     @property
     def passages_per_day(self) -> int:
-        """Axle passages a day."""
+        """Axle passages per day."""
         return sum(s.per_day * s.train.n_axles for s in self.services)
 
     @property
     def trains_per_day(self) -> int:
-        """Trains a day."""
+        """Trains per day."""
         return sum(s.per_day for s in self.services)
 
     @property
     def mass_per_day(self) -> float:
-        """Gross mass a day [kg]."""
+        """Gross mass per day [kg]."""
         return float(sum(s.per_day * s.train.mass for s in self.services))

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from mcsettle.errors import InputError
 from mcsettle.railway.track import BeamTrack, Layer, depth_below_subgrade
+from mcsettle.step_a.depths import geostatic_stress, layer_quadrature
 from mcsettle.step_a.halfspace import strip_stress
 from mcsettle.step_a.transfer import DepthGrid, WavenumberSpectra
-from mcsettle.units import GRAVITY
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -181,42 +181,24 @@ def beam_spectrum(
 
 
 def depth_grid(layers: tuple[Layer, ...], integration_depth: float) -> DepthGrid:
-    """Composite Gauss–Legendre quadrature over the depth of every layer; see ``DepthGrid``.
+    """Composite Gauss–Legendre depths, in every layer panels of one height of at most 1 m.
 
     Raises
     ------
     ValueError
         If the layers end above ``integration_depth`` [m] below the subgrade surface.
     """
-    nodes, node_weights = np.polynomial.legendre.leggauss(POINTS_PER_PANEL)
-    top = depth_below_subgrade(layers)
-    z, weights, index = [], [], []
-    for number, layer in enumerate(layers):
-        bottom = max(top - layer.height, -integration_depth)
-        if bottom >= top:
-            break
-        edges = np.linspace(top, bottom, math.ceil((top - bottom) / PANEL_HEIGHT) + 1)
-        half = (edges[0] - edges[1]) / 2.0
-        z.append(((edges[:-1] - half)[:, None] - half * nodes).ravel())
-        weights.append(np.tile(half * node_weights, edges.size - 1))
-        index.append(np.full(z[-1].size, number))
-        top = bottom
-    if top > -integration_depth * (1.0 - 1e-12):
+    lowest = depth_below_subgrade(layers) - sum(layer.height for layer in layers)
+    if lowest > -integration_depth * (1.0 - 1e-12):
         raise ValueError(
-            f"the layers end {-top} m below the subgrade surface, above the integration depth of "
+            f"the layers end {-lowest} m below the subgrade surface, above the integration depth of "
             f"{integration_depth} m"
         )
-    return DepthGrid(np.concatenate(z), np.concatenate(weights), np.concatenate(index))
+    return layer_quadrature(layers, integration_depth, _panels, POINTS_PER_PANEL)
 
 
-def geostatic_stress(layers: tuple[Layer, ...], grid: DepthGrid) -> Array:
-    """Geostatic stress [4, Z] Pa: weight of the layers above, K0 times it horizontally.
-
-    Compression is negative; the shear stress is zero. Rails and sleepers are left out.
-    """
-    tops = depth_below_subgrade(layers) - np.cumsum([0.0, *(layer.height for layer in layers[:-1])])
-    unit_weights = np.array([layer.material.density * GRAVITY for layer in layers])
-    above = np.cumsum([0.0, *(unit_weights[:-1] * [layer.height for layer in layers[:-1]])])
-    vertical = -(above[grid.layer] + unit_weights[grid.layer] * (tops[grid.layer] - grid.z))
-    k0 = np.array([layer.k0 for layer in layers])[grid.layer]
-    return np.stack([k0 * vertical, k0 * vertical, vertical, np.zeros_like(vertical)])
+def _panels(layer: Layer, upper: float, lower: float) -> tuple[Array, Array]:
+    """Middles and half heights [P] m of the panels of one layer."""
+    edges = np.linspace(upper, lower, math.ceil((upper - lower) / PANEL_HEIGHT) + 1)
+    half = (edges[0] - edges[1]) / 2.0
+    return edges[:-1] - half, np.full(edges.size - 1, half)

@@ -10,8 +10,8 @@ import numpy as np
 class Case:
     """Outcome of one verification case.
 
-    ``expected`` and ``obtained`` in ``unit`` (complex for harmonic quantities); ``scale`` is what
-    ``tolerance`` is relative to (the largest value of the curve a point was taken from).
+    ``expected`` and ``obtained`` in ``unit`` (complex for harmonic quantities); ``tolerance`` is relative
+    to ``scale`` (the largest value of the curve from which the point was taken).
     """
 
     name: str

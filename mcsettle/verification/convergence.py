@@ -1,13 +1,14 @@
-"""How far Step A's answers still move when its numerical choices are refined.
+"""How much the results of Step A change when its numerical choices are refined.
 
-Every choice (mesh, border, depth of the real mesh, wavenumbers, tolerance of the bases) is varied on
-its own, the others at their defaults; each level is compared with the finest one of its choice. The
-answers are those that Step B lives on, for a unit load at 60 m/s: rail deflection under a constant
+Every choice (mesh, border, depth of the real mesh, wavenumbers, tolerance of the bases) is varied
+separately, the others at their defaults; each level is compared with the finest one of its choice. The
+results are the inputs of Step B, for a unit load at 60 m/s: rail deflection under a constant
 load, vertical stress in every layer below it, and the track compliance at two driving frequencies.
 
 Mesh, border and wavenumbers are compared by direct solutions (spectra at a few wavenumbers,
-polynomials between them); quadrature and tolerance by the reduced bases themselves. What a level
-gave is kept in the cache folder: a study goes on where it stopped, choice by choice if need be.
+polynomials between them); quadrature and tolerance by the reduced bases themselves. The results
+of each level are stored in the cache folder: a study resumes where it stopped, one choice at a time
+if need be.
 """
 
 import itertools
@@ -49,7 +50,7 @@ class Numerics:
 
 @dataclass(frozen=True)
 class Level:
-    """One level of one choice: relative changes of the answers against the finest level.
+    """One level of one choice: relative changes of the results against the finest level.
 
     ``order`` is the observed order of the deflection between this level and the next, where the
     levels are sizes; None elsewhere.
@@ -118,11 +119,11 @@ def study_convergence(
     ValueError
         If a name is unknown.
     """
-    known = (*CHOICES, *BASE_LEVELS)
-    wanted = known if choices is None else choices
-    unknown = sorted(set(wanted) - set(known))
+    every = (*CHOICES, *BASE_LEVELS)
+    wanted = every if choices is None else choices
+    unknown = sorted(set(wanted) - set(every))
     if unknown:
-        raise ValueError(f"unknown choice {', '.join(unknown)}; choose from {', '.join(known)}")
+        raise ValueError(f"unknown choice {', '.join(unknown)}; choose from {', '.join(every)}")
     steps = sum(len(CHOICES[n] if n in CHOICES else BASE_LEVELS[n][1]) for n in wanted)
     done = itertools.count(1)
 
@@ -136,40 +137,40 @@ def study_convergence(
     return levels
 
 
-def _kept(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
-    """``answers``, from the cache folder where they are known."""
+def _stored_answers(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
+    """``answers``, read from the cache folder or computed and stored there."""
     plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
     key = digest_of({"format": FORMAT, "track": asdict(plain), "numerics": asdict(numerics),
                      "answers": [SPEED, *OMEGAS]})  # fmt: skip
     path = cache_folder() / f"convergence-{key[:32]}.npz"
-    found = read_arrays(
+    results = read_arrays(
         path,
         "convergence",
         lambda a: dict(zip(a["names"].tolist(), a["values"].tolist(), strict=True)),
     )
-    if found is None:
-        found = answers(track, numerics)
-        values = np.array(list(found.values()), dtype=np.complex128)
-        write_arrays(path, {"names": np.array(list(found)), "values": values})
-    return found
+    if results is None:
+        results = answers(track, numerics)
+        values = np.array(list(results.values()), dtype=np.complex128)
+        write_arrays(path, {"names": np.array(list(results)), "values": values})
+    return results
 
 
 def answers(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
     """Deflection [m/N], stresses [Pa/N] and compliances [m/N] by direct solutions."""
-    whole, bands = track_section(track, numerics.depth, numerics.mesh), Settings().bands
-    parts = {k: whole.for_wavenumbers(k, numerics.mesh.border) for k in (0.0, *bands)}
+    section, bands = track_section(track, numerics.depth, numerics.mesh), Settings().bands
+    parts = {k: section.for_wavenumbers(k, numerics.mesh.border) for k in (0.0, *bands)}
 
     def direct(k: float, omega: float) -> np.ndarray:
-        section = parts[max(lower for lower in parts if lower <= k)]
-        return outputs(section, k, solve(section, k, omega))
+        part = parts[max(lower for lower in parts if lower <= k)]
+        return outputs(part, k, solve(part, k, omega))
 
     x = -np.cos(np.pi * (np.arange(numerics.count) + 0.5) / numerics.count)
     lower, upper = math.log(SHIFT), math.log(numerics.largest + SHIFT)
     nodes = np.exp((lower + upper) / 2.0 + x * (upper - lower) / 2.0) - SHIFT
 
     def spectrum(omegas: np.ndarray, k: np.ndarray) -> np.ndarray:
-        found = [direct(k, abs(w)) for k, w in zip(nodes, omegas)]  # noqa: B905
-        fitted = np.polynomial.chebyshev.chebfit(x, np.array(found), numerics.count - 1)
+        at_nodes = [direct(k, abs(w)) for k, w in zip(nodes, omegas, strict=True)]
+        fitted = np.polynomial.chebyshev.chebfit(x, np.array(at_nodes), numerics.count - 1)
         at = (2.0 * np.log(k + SHIFT) - lower - upper) / (upper - lower)
         return np.asarray(np.polynomial.chebyshev.chebval(at, fitted)).T
 
@@ -181,15 +182,15 @@ def answers(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
 
     k, weights = _rule(numerics.largest, 0.0)
     moved = (weights @ loaded(spectrum(nodes * SPEED, k), k * SPEED, k)).real / np.pi
-    found: dict[str, complex] = {"deflection": moved[0]}
-    found |= _stresses(track, numerics.depth, moved[1:].reshape(4, -1)[2])
+    results: dict[str, complex] = {"deflection": moved[0]}
+    results |= _stresses(track, numerics.depth, moved[1:].reshape(4, -1)[2])
     for omega in OMEGAS:
         k, weights = _rule(numerics.largest, omega / SPEED)
         ahead = loaded(spectrum(omega + nodes * SPEED, k), omega + k * SPEED, k)
         behind = loaded(spectrum(omega - nodes * SPEED, k), omega - k * SPEED, k)
         total = complex(weights @ (ahead[:, 0] + behind[:, 0]))
-        found[f"compliance, {omega:.0f} rad/s"] = total / (2.0 * np.pi)
-    return found
+        results[f"compliance, {omega:.0f} rad/s"] = total / (2.0 * np.pi)
+    return results
 
 
 def _rule(largest: float, jump: float) -> tuple[np.ndarray, np.ndarray]:
@@ -201,20 +202,20 @@ def _rule(largest: float, jump: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _stresses(track: SectionTrack, depth: float, vertical: np.ndarray) -> dict[str, complex]:
-    """σzz at the uppermost point of every layer; in the ground only where the depths are the usual."""
+    """σzz at the uppermost point of every layer; in the ground only at the usual depths."""
     grid = depth_grid(track, depth)
-    found = {}
+    stresses = {}
     for index, layer in enumerate(track.layers):
         if layer.width is not None or depth == DEPTH:
-            found[f"stress, {layer.name}"] = complex(vertical[grid.layer == index][0])
-    return found
+            stresses[f"stress, {layer.name}"] = complex(vertical[grid.layer == index][0])
+    return stresses
 
 
 def _levels(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator[Level]:
     entries = CHOICES[name]
     values = []
     for _, _, numerics in entries:
-        values.append(_kept(track, numerics))
+        values.append(_stored_answers(track, numerics))
         step()
     finest = values[-1]
     for i, (text, size, numerics) in enumerate(entries[:-1]):
@@ -244,7 +245,7 @@ def _order(entries: Any, values: list[complex]) -> float | None:
 
 
 def _bases(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator[Level]:
-    """Levels of the reduced bases' own choices, by the response that Step B sees."""
+    """Levels of the choices of the reduced bases, by the response that Step B uses."""
     key, numbers = BASE_LEVELS[name]
     changed: list[dict[str, Any]] = [{key: number} for number in numbers]
     levels = [replace(Settings(), **change) for change in changed]
@@ -252,29 +253,29 @@ def _bases(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator
     for settings in levels:
         values.append(_of_response(track, settings))
         step()
-    for settings, own in list(zip(levels, values, strict=True))[:-1]:
-        changes = _changes(own, values[-1])
+    for settings, results in list(zip(levels, values, strict=True))[:-1]:
+        changes = _changes(results, values[-1])
         yield Level(name, f"{getattr(settings, key):g}", settings == Settings(), changes)
 
 
 def _of_response(track: SectionTrack, settings: Settings) -> dict[str, complex]:
     response = section_response(track, DEPTH, settings)
-    found: dict[str, complex] = {}
+    results: dict[str, complex] = {}
     for omega, s in zip(
         (0.0, *OMEGAS), response.spectra(SPEED, np.array([0.0, *OMEGAS])), strict=True
     ):
         compliance = complex(s.weights @ s.receptance) / (2.0 * np.pi)
         if omega == 0.0:
             vertical = np.einsum("q,qz->z", s.weights, s.stress[:, 2]).real / (2.0 * np.pi)
-            found["deflection"] = compliance.real
-            found |= _stresses(track, DEPTH, vertical)
+            results["deflection"] = compliance.real
+            results |= _stresses(track, DEPTH, vertical)
         else:
-            found[f"compliance, {omega:.0f} rad/s"] = compliance
-    return found
+            results[f"compliance, {omega:.0f} rad/s"] = compliance
+    return results
 
 
 def convergence_table(levels: list[Level]) -> str:
-    """Markdown that reads as plain text: one line a level, the default ones marked."""
+    """Markdown that reads as plain text: one line per level, the default ones marked."""
     names = list(dict.fromkeys(name for level in levels for name in level.changes))
     rows = [("choice", "level", *names, "order")]
     for level in levels:

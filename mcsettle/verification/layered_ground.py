@@ -3,10 +3,10 @@
 A vertical load e^{i(ωt - kx x - ky y)} on the surface moves each layer in the vertical plane of the
 wave vector alone (P and SV waves of wavenumber κ = √(kx² + ky²)). With z up and the horizontal
 displacement and the shear traction along the wave vector written iR and iT, all coefficients are
-real but for damping and radiation. A layer has four waves; displacements and forces at its two faces
+real except for damping and radiation. A layer has four waves; displacements and forces at its two faces
 give its symmetric 4 × 4 stiffness matrix (Thomson, Haskell, Kausel and Roësset). From the half-space
 upwards the layers are condensed into the 2 × 2 stiffness of everything below a level; a load at the
-surface is then carried down level by level. Nothing grows, however large κh.
+surface is then carried down level by level. No term grows, however large κh.
 
 Three devices keep every limit regular:
 
@@ -29,7 +29,7 @@ ComplexArray = NDArray[np.complex128]
 
 _THIN = 0.5  # thickness times the larger of κ and |kS| below which the series is used
 _TERMS = 26  # of that series: 2.5^26/26! = 6e-17
-_SNAP = 1e-9  # m, from an interface: no slice may be as thin as rounding
+_SNAP = 1e-9  # m, from an interface: a slice may not be as thin as rounding errors
 _MIRROR = np.array([1.0, -1.0])  # z → -z keeps R, turns Z
 
 
@@ -149,7 +149,7 @@ def surface_compliance(ground: LayeredGround, kappa: Array, omega: float) -> Com
 
 
 def layer_of(ground: LayeredGround, depths: Array) -> NDArray[np.intp]:
-    """Layer that holds each depth [D]; an interface belongs to the layer below it."""
+    """Layer that contains each depth [D]; an interface belongs to the layer below it."""
     return np.searchsorted(ground.interfaces, _snapped(ground, depths), side="right")
 
 
@@ -160,7 +160,7 @@ def _slices(ground: LayeredGround, depths: Array) -> tuple[Array, NDArray[np.int
 
 
 def _snapped(ground: LayeredGround, depths: Array) -> Array:
-    """Depths, with those that rounding keeps from an interface (or the surface) put on it."""
+    """Depths, with those within rounding of an interface (or the surface) set to it."""
     for interface in (0.0, *ground.interfaces):
         depths = np.where(np.abs(depths - interface) < _SNAP, interface, depths)
     return depths

@@ -10,10 +10,10 @@ from mcsettle.errors import NumericalError
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-_POINTS = 12  # Gauss points a panel
+_POINTS = 12  # Gauss points per panel
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_POINTS)
 _MAX_LEVELS = 40  # halvings of a panel
-_SHARE = 0.02  # of the tolerance that any panel may use: panels that end are far better than it
+_SHARE = 0.02  # of the tolerance that any panel may use; accepted panels are far more accurate
 
 
 def integrate(
@@ -21,14 +21,14 @@ def integrate(
 ) -> ComplexArray:
     """Integral of ``function`` from the first edge to the last.
 
-    Panels are halved until the two halves agree with the whole.
+    Panels are halved until the two halves agree with the panel itself.
 
     Parameters
     ----------
     function
         Takes points [P], returns values [G, P] (G integrals at once).
     edges
-        First panels, rising; put one wherever the integrand is known to be rough.
+        First panels, rising; place an edge wherever the integrand is rough.
     tolerance
         Error of each integral relative to the integral of its modulus.
 
@@ -38,8 +38,8 @@ def integrate(
         If some panel does not converge (a pole on the path, as on undamped ground).
     """
     lower, upper = edges[:-1], edges[1:]
-    whole, size = _panels(function, lower, upper)
-    total = np.zeros(whole.shape[0], dtype=complex)
+    estimate, size = _panels(function, lower, upper)
+    total = np.zeros(estimate.shape[0], dtype=complex)
     scale, span = size.sum(axis=1), float(edges[-1] - edges[0])
     for _ in range(_MAX_LEVELS):
         middle = 0.5 * (lower + upper)
@@ -48,13 +48,13 @@ def integrate(
         )
         left, right = np.split(halves, 2, axis=1)
         scale = np.maximum(scale, np.abs(total))
-        error = np.max(np.abs(left + right - whole) / (tolerance * scale[:, None]), axis=0)
+        error = np.max(np.abs(left + right - estimate) / (tolerance * scale[:, None]), axis=0)
         done = error <= np.maximum((upper - lower) / span, _SHARE)
         total += (left + right)[:, done].sum(axis=1)
         if np.all(done):
             return total
         open_ = ~done
-        whole = np.concatenate([left[:, open_], right[:, open_]], axis=1)
+        estimate = np.concatenate([left[:, open_], right[:, open_]], axis=1)
         lower = np.concatenate([lower[open_], middle[open_]])
         upper = np.concatenate([middle[open_], upper[open_]])
     raise NumericalError(

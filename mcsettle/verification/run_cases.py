@@ -1,8 +1,8 @@
-"""Verification cases by name: what the models give beside closed forms and exact solutions.
+"""Verification cases by name: the models beside closed forms and exact solutions.
 
 ``run_cases()`` computes them, ``table`` prints them. A case compares one number: where a whole
-curve is checked, the number at its worst point. The cases themselves live in ``validate_closed``
-(closed forms and layered ground) and ``validate_section`` (the 2.5D section against layered ground).
+curve is checked, the number at its worst point. The cases are in ``closed_form_cases``
+(closed forms and layered ground) and ``section_cases`` (the 2.5D section against layered ground).
 """
 
 from collections.abc import Callable, Iterable
@@ -32,7 +32,7 @@ def run_cases(names: Iterable[str] | None = None) -> list[Case]:
 
 
 def table(cases: list[Case]) -> str:
-    """Plain text table: one line a case, then how many passed."""
+    """Plain text table: one line per case, then how many passed."""
     head = ("case", "expected", "obtained", "unit", "error", "tolerance", "", "source")
     rows = [head] + [
         (

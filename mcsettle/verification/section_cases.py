@@ -1,6 +1,6 @@
 """Verification of the 2.5D section: a strip load on layered ground against the exact solution.
 
-The section carries no track here, only the loaded strip; elements and border are those of the
+The section has no track here, only the loaded strip; elements and border are those of the
 production mesh. Errors are relative to the largest stress over depth and component.
 """
 
@@ -83,19 +83,19 @@ def section_and_exact(
     damping_convention: str,
     points: list[tuple[float, float]],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean displacement and stresses, per N/m on the whole strip, by the section and exactly.
+    """Mean displacement and stresses, per N/m on the complete strip, by the section and exactly.
 
     Returns
     -------
     Two arrays [points, 1 + 4 D] for (k, ω) in ``points``, on the strip and depths of this module.
     """
     ground = layered_ground(layers, damping_convention)
-    found, exact = [], []
+    obtained, exact = [], []
     for k, omega in points:
-        found.append(outputs(section, k, solve(section, k, omega)) / 2.0)
+        obtained.append(outputs(section, k, solve(section, k, omega)) / 2.0)
         strip = strip_response(ground, k, omega, WIDTH, DEPTHS)
         exact.append(np.concatenate([[strip.mean], strip.stress.ravel()]))
-    return np.array(found), np.array(exact)
+    return np.array(obtained), np.array(exact)
 
 
 def _graded(breaks: list[float], mesh: MeshSettings) -> np.ndarray:
@@ -125,14 +125,14 @@ def _compare(
     """Case of the worst relative error over ``points``, of the displacement or the stresses."""
 
     def case(name: str) -> Case:
-        found, exact = section_and_exact(_section(layers), layers, "damping_ratio", points)
+        obtained, exact = section_and_exact(_section(layers), layers, "damping_ratio", points)
         part = slice(0, 1) if what == "displacement" else slice(1, None)
-        found, exact = found[:, part], exact[:, part]
+        obtained, exact = obtained[:, part], exact[:, part]
         scale = np.abs(exact).max(axis=1)
-        at = int(np.argmax(np.abs(found - exact).max(axis=1) / scale))
+        at = int(np.argmax(np.abs(obtained - exact).max(axis=1) / scale))
         unit = "m/(N/m)" if what == "displacement" else "Pa/(N/m)"
         source = f"layered ground, exact, {len(points)} points (k, ω)"
-        return worst_point(name, source, exact[at], found[at], tolerance, unit)
+        return worst_point(name, source, exact[at], obtained[at], tolerance, unit)
 
     return case
 
@@ -165,15 +165,15 @@ def moving_deflection(name: str) -> Case:
     half = np.diff(edges)[:, None] / 2.0
     k = (edges[:-1, None] + half * (1.0 + nodes)).ravel()
     section, ground = _section(layers), layered_ground(layers)
-    found, exact = np.empty((2, k.size), dtype=complex)
+    obtained, exact = np.empty((2, k.size), dtype=complex)
     for i, q in enumerate(k.tolist()):
-        found[i] = section.load @ solve(section, q, q * SPEED) / 2.0
+        obtained[i] = section.load @ solve(section, q, q * SPEED) / 2.0
         exact[i] = strip_compliance(ground, q, q * SPEED, WIDTH)
     rail = VALIDATION_TRACK.rail
     beam = 2.0 * (rail.bending_stiffness * k**4 - rail.mass_per_length * (k * SPEED) ** 2)
     s = np.linspace(-6.0, 6.0, 25)
     waves = np.exp(-1j * np.outer(s, k)) * (half * weights).ravel() / math.pi
-    deflection = [(waves @ (1.0 / (beam + 1.0 / values))).real for values in (exact, found)]
+    deflection = [(waves @ (1.0 / (beam + 1.0 / values))).real for values in (exact, obtained)]
     source = "beam on layered ground, moving load"
     return worst_point(name, source, deflection[0], deflection[1], 1e-3, "m/N")
 

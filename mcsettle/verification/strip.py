@@ -1,9 +1,8 @@
 """Strip load on layered ground in the (kx, ω) domain: exact, by quadrature over ky.
 
 A vertical line load e^{i(ωt - kx x)} of 1 N per metre of track, spread evenly over |y| < b/2, is the
-reference for the 2.5D finite-element section. Each ky is a plane wave of ``layered``; the integral
-over ky is adaptive. ``beam_receptance`` puts a beam on the strip: Euler–Bernoulli rails that share
-the mean displacement of the ground beneath them.
+reference for the 2.5D finite-element section. Each ky is a plane wave of ``layered_ground``; the
+integral over ky is adaptive.
 """
 
 import math
@@ -25,8 +24,8 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 TOLERANCE = 1e-8  # of every integral over ky, relative to the integral of the modulus
-_LOBES = 100  # of the load's spectrum that the surface displacement takes; the rest is static
-_DECAY = 40.0  # e^{-40}: where the interior's integrand ends
+_LOBES = 100  # of the load's spectrum integrated for the surface displacement; the rest is static
+_DECAY = 40.0  # e^{-40}: where the integrand at depth is cut
 
 
 @dataclass(frozen=True)
@@ -115,60 +114,6 @@ def strip_compliance(
     return complex(integrate(integrand, edges, TOLERANCE)[0] + tail)
 
 
-def beam_receptance(
-    ground: LayeredGround,
-    wavenumber: float,
-    omega: float,
-    width: float,
-    bending_stiffness: float,
-    mass_per_length: float,
-) -> complex:
-    """Displacement (down) of a beam on the strip per unit force per metre [m/(N/m)].
-
-    1 / (EI k⁴ - m ω² + 1/ũ), with ũ the ground's mean displacement under the strip.
-
-    Parameters
-    ----------
-    ground, wavenumber, omega, width
-        As in ``strip_response``.
-    bending_stiffness
-        EI of the whole beam [N·m²] (two rails: twice one rail's).
-    mass_per_length
-        m of the whole beam [kg/m].
-    """
-    ground_stiffness = 1.0 / strip_compliance(ground, wavenumber, omega, width)
-    inertia = mass_per_length * omega**2
-    return complex(1.0 / (bending_stiffness * wavenumber**4 - inertia + ground_stiffness))
-
-
-def beam_deflection(
-    ground: LayeredGround,
-    speed: float,
-    distance: Array,
-    width: float,
-    bending_stiffness: float,
-    mass_per_length: float,
-    tolerance: float = 1e-4,
-) -> Array:
-    """Downward deflection [m/N] of a beam on layered ground under a constant moving load.
-
-    u(s) = (1/π) Re ∫ ũ(k, kv) e^{-iks} dk over k > 0, at ``distance`` s [S] m ahead of the load.
-    Works near and past the critical speed if the ground is damped.
-    """
-
-    def integrand(k: Array) -> ComplexArray:
-        values = [
-            beam_receptance(ground, q, q * speed, width, bending_stiffness, mass_per_length)
-            for q in k.tolist()
-        ]
-        return np.asarray(np.exp(-1j * np.outer(distance, k)) * np.array(values) / math.pi)
-
-    stiffness = abs(float(np.max(np.abs(ground.shear_modulus))))
-    natural = (stiffness / bending_stiffness) ** 0.25  # 1/characteristic length
-    edges = natural * np.array([0.0, 1e-3, 0.01, 0.08, 0.3, 1.0, 3.0, 10.0, 60.0])
-    return np.asarray(integrate(integrand, edges, tolerance).real)
-
-
 def _centreline(
     ground: LayeredGround,
     layers: NDArray[np.intp],
@@ -203,7 +148,7 @@ def _spectrum(ky: Array, width: float) -> Array:
 
 
 def _largest(ground: LayeredGround, wavenumber: float, omega: float) -> float:
-    """The largest wavenumber at which the ground or the load has some feature [rad/m]."""
+    """The largest wavenumber at which the integrand has structure [rad/m]."""
     slow = float(np.max(np.sqrt(ground.density / ground.shear_modulus.real)))
     thin = 1.0 / float(np.min(ground.height))
     return max(abs(wavenumber), abs(omega) * slow, thin)

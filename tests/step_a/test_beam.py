@@ -7,7 +7,8 @@ import pytest
 
 from mcsettle.errors import InputError
 from mcsettle.railway.track import BALLAST, LEAN_CLAY, SUB_BALLAST, TOY_TRACK, BeamTrack, Layer
-from mcsettle.step_a.beam import beam_response, depth_grid, geostatic_stress
+from mcsettle.step_a.beam import beam_response, depth_grid
+from mcsettle.step_a.depths import geostatic_stress
 from mcsettle.units import GRAVITY
 
 SPEED = 55.0

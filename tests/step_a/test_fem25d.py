@@ -12,8 +12,9 @@ from mcsettle.railway.track import CASE_STUDY_TRACK, VALIDATION_TRACK, Material,
 from mcsettle.railway.traffic import Service
 from mcsettle.step_a import critical_speed as near_critical
 from mcsettle.step_a.critical_speed import lowest_critical_speed, speed_remark
+from mcsettle.step_a.depths import geostatic_stress
 from mcsettle.step_a.fem25d import MeshSettings, Settings, section_response
-from mcsettle.step_a.fem25d.depth_grid import depth_grid, geostatic_stress
+from mcsettle.step_a.fem25d.depth_grid import depth_grid
 from mcsettle.step_a.fem25d.element import smeared_stiffness
 from mcsettle.step_a.fem25d.largest_deflection import critical_speed, deflections
 from mcsettle.step_a.fem25d.mesh_lines import growing_lines, uniform_lines
@@ -303,7 +304,7 @@ def test_depths_fill_the_layers(track, depth):
 
 def test_geostatic_stress_by_hand():
     grid = depth_grid(CASE_STUDY_TRACK, 5.5)
-    stress = geostatic_stress(CASE_STUDY_TRACK, grid)
+    stress = geostatic_stress(CASE_STUDY_TRACK.layers, grid)
     last = -9.81 * (0.3 * 1650.0 + 0.5 * 2300.0 - grid.z[-1] * 1900.0)
     assert stress[2, -1] == pytest.approx(last)
     np.testing.assert_allclose(stress[0], 0.5 * stress[2])

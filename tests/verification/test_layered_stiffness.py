@@ -20,12 +20,7 @@ from mcsettle.verification.layered_ground import (
     surface_compliance,
 )
 from mcsettle.verification.quadrature import integrate
-from mcsettle.verification.strip import (
-    beam_deflection,
-    beam_receptance,
-    strip_compliance,
-    strip_response,
-)
+from mcsettle.verification.strip import strip_compliance, strip_response
 
 CLAY = LEAN_CLAY.material
 GROUND = layered_ground(VALIDATION_TRACK.ground)
@@ -156,18 +151,6 @@ def test_a_depth_that_rounding_keeps_from_an_interface():
     assert layer_of(GROUND, depths).tolist() == [1, 1, 1]
 
 
-def test_beam_alone_resonates():
-    """Where EI k⁴ = m ω² the beam weighs nothing and follows the ground."""
-    k, omega, bending = 0.8, 50.0, 1.28e7
-    mass = bending * k**4 / omega**2
-    ground = strip_compliance(GROUND, k, omega, WIDTH)
-    assert beam_receptance(GROUND, k, omega, WIDTH, bending, mass) == pytest.approx(
-        ground, rel=1e-9
-    )
-    light = beam_receptance(GROUND, k, omega, WIDTH, bending, 0.0)
-    assert 1 / light - 1 / ground == pytest.approx(bending * k**4, rel=1e-9)
-
-
 def test_damping_conventions():
     ratio, loss = (layered_ground((LEAN_CLAY,), c) for c in ("damping_ratio", "loss_factor"))
     assert ratio.shear_modulus[0].imag == pytest.approx(2 * loss.shear_modulus[0].imag)
@@ -223,25 +206,3 @@ def test_adaptive_quadrature():
     np.testing.assert_allclose(found, [1e3 * np.arctan(2e3), np.sin(100.0) / 50], rtol=1e-8)
     with pytest.raises(NumericalError, match="does not converge"):
         integrate(lambda x: 1 / (x[None] - 0.3), np.array([0.0, 1.0]), 1e-8)
-
-
-def test_beam_on_layered_ground():
-    """The adaptive integral over k against an even-spaced sum."""
-    bending, mass, speed, s = 1.28e7, 120.0, 60.0, np.array([-3.0, 0.0, 2.0])
-    step, clay = 0.02, layered_ground((LEAN_CLAY,))
-    k = step * (np.arange(250) + 0.5)
-    values = np.array([beam_receptance(clay, q, q * speed, WIDTH, bending, mass) for q in k])
-    expected = (np.exp(-1j * np.outer(s, k)) @ values).real * step / np.pi
-    found = beam_deflection(clay, speed, s, WIDTH, bending, mass, 1e-3)
-    expected[1] += 1 / (3 * np.pi * bending * 5.0**3)  # k > 5 rad/m, where bending rules
-    # the sum takes the logarithm at k = 0 for 1/2 ln 2 / π of its step times 1/(πG): 0.3 %
-    np.testing.assert_allclose(found, expected, atol=5e-3 * expected.max())
-
-
-def test_the_ground_feels_the_critical_speed():
-    """Near the Rayleigh speed the rails sink deeper than at rest, and most behind the load."""
-    s = np.array([-2.0, 2.0])
-    clay = layered_ground((LEAN_CLAY,))
-    slow, fast = (beam_deflection(clay, v, s, WIDTH, 1.28e7, 1500.0, 1e-2) for v in (5.0, 105.0))
-    assert fast[0] > 1.5 * slow[0]
-    assert fast[0] > 1.1 * fast[1]

@@ -1,11 +1,9 @@
 """Step A: 2.5D finite elements for a ballasted track on layered ground.
 
-``section_response(track)`` is the door. Behind it: ``section`` (mesh and materials), ``element``
-(2.5D forms), ``pml`` (absorbing border), ``solve`` (direct solution at one wavenumber and
-frequency), ``reduced`` (reduced basis over all of them), ``moving`` (what Step B sees: moving loads).
+Enter by ``section_response(track)``. Read ``element`` (2.5D forms) and ``pml`` (absorbing border), then
+``section`` and ``track_section`` (mesh and materials), ``solve`` (one wavenumber and frequency),
+``reduced_basis`` (all of them) and ``moving_load`` (what Step B needs).
 ``equivalent_linear_response(track, train, speed)`` softens the ground first (``softening``).
-
-Depends on: curves, errors, soil, track, traffic, transfer, units.
 """
 
 from mcsettle.step_a.fem25d.equivalent_linear import (

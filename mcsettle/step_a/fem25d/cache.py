@@ -1,4 +1,4 @@
-"""Arrays on disk: found by the digest of all they depend on, checked, written atomically."""
+"""Arrays on disk, named by the digest of all they depend on, checked when read, written atomically."""
 
 import hashlib
 import json
@@ -57,7 +57,7 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
 
 
 def read_bases(path: Path) -> Bases | None:
-    """Bases from disk; None where there is no file or (with a warning) a damaged one."""
+    """Bases from disk; None if there is no file or (with a warning) a damaged one."""
     return read_arrays(
         path,
         "track response",
@@ -66,7 +66,7 @@ def read_bases(path: Path) -> Bases | None:
 
 
 def read_arrays(path: Path, what: str, make: Callable[[dict[str, np.ndarray]], T]) -> T | None:
-    """What ``make`` makes of stored arrays; None without a file or (with a warning) a sound one."""
+    """``make`` of the stored arrays; None if there is no file or (with a warning) a damaged one."""
     bring(path)
     if not path.exists():
         return None
@@ -91,8 +91,8 @@ def read_arrays(path: Path, what: str, make: Callable[[dict[str, np.ndarray]], T
 def _bands(arrays: dict[str, np.ndarray]) -> tuple[Band, ...]:
     bands = []
     for i, (low, up, solves) in enumerate(arrays["bounds"]):
-        held = {name: arrays[f"{name}_{i}"] for name in ARRAYS}
-        bands.append(Band(lower=float(low), upper=float(up), solves=int(solves), **held))
+        stored = {name: arrays[f"{name}_{i}"] for name in ARRAYS}
+        bands.append(Band(lower=float(low), upper=float(up), solves=int(solves), **stored))
     return tuple(bands)
 
 

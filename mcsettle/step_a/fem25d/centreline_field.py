@@ -1,8 +1,8 @@
 """Displacement of rail and ground along the centreline under a moving oscillating load (Fig. 10).
 
 The bases of Step A give the vertical displacement at every node of the plane of symmetry as well, so
-that the field is at hand at all (k, ω = Ω + kv) of a passing train: the quasi-static line Ω = 0 and
-every driving frequency of the profile. Rail and pad join as in ``moving``; below zero frequency the
+that the field is known at all (k, ω = Ω + kv) of a passing train: the quasi-static line Ω = 0 and
+every driving frequency of the profile. Rail and pad join as in ``moving_load``; below zero frequency the
 displacement is the conjugate of that at positive frequency, and it is even in k.
 """
 

@@ -1,15 +1,15 @@
-"""Depths of the outputs on the centreline, and the geostatic stress there."""
+"""Depths of the stresses that a cross-section gives on the centreline."""
 
 import math
 
 import numpy as np
 
-from mcsettle.railway.track import SectionTrack, depth_below_subgrade
+from mcsettle.railway.track import Layer, SectionTrack
+from mcsettle.step_a.depths import layer_quadrature
 from mcsettle.step_a.transfer import DepthGrid
-from mcsettle.units import GRAVITY
 
 FIRST_PANEL = 0.8  # m, uppermost Gauss panel of the ground; each further one doubles
-POINTS = 3  # Gauss points a panel
+POINTS = 3  # Gauss points per panel
 TALL = 0.4  # m, an embankment layer taller than this is two panels
 
 
@@ -17,7 +17,7 @@ def depth_grid(track: SectionTrack, integration_depth: float) -> DepthGrid:
     """Composite Gauss–Legendre depths through the embankment and the ground.
 
     An embankment layer is one panel (two beyond 0.4 m); in the ground, panels double in height with
-    depth, because σ_d² falls off with it.
+    depth, because σ_d² decreases with it.
 
     Parameters
     ----------
@@ -35,45 +35,17 @@ def depth_grid(track: SectionTrack, integration_depth: float) -> DepthGrid:
         raise ValueError(
             f"integration depth is {integration_depth} m; it must be positive and finite"
         )
-    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
-    z, w, index = [], [], []
-    upper = depth_below_subgrade(track.layers)
-    for i, layer in enumerate(track.layers):
-        lower = max(upper - layer.height, -integration_depth)
-        for a, b in _panels(upper, lower, layer.width is None):
-            z.append((a + b) / 2.0 - nodes * (a - b) / 2.0)
-            w.append(weights * (a - b) / 2.0)
-            index.append(np.full(POINTS, i))
-        upper = lower
-    return DepthGrid(np.concatenate(z), np.concatenate(w), np.concatenate(index))
+    return layer_quadrature(track.layers, integration_depth, _panels, POINTS)
 
 
-def _panels(upper: float, lower: float, ground: bool) -> list[tuple[float, float]]:
-    """Panels (upper, lower) that fill one layer."""
+def _panels(layer: Layer, upper: float, lower: float) -> tuple[np.ndarray, np.ndarray]:
+    """Middles and half heights [P] m of the panels of one layer."""
     height = upper - lower
-    if height <= 1e-9:
-        return []
-    if not ground:
+    if layer.width is not None:
         edges = np.linspace(upper, lower, 3 if height > TALL else 2)
     else:
+        # Heights h, 2h, 4h, … that fill the layer, with h at most FIRST_PANEL.
         count = max(1, math.ceil(math.log2(height / FIRST_PANEL + 1.0) - 1e-9))
         share = (2.0 ** np.arange(count + 1) - 1.0) / (2.0**count - 1.0)
         edges = np.asarray(upper - height * share, dtype=np.float64)
-    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
-
-
-def geostatic_stress(track: SectionTrack, grid: DepthGrid) -> np.ndarray:
-    """Geostatic stress [4, Z] Pa from the unit weights above and K0; compression is negative.
-
-    The weight of sleepers and rails (about 2 kPa under the case studies' sleepers) is left out, as
-    the paper speaks of the layers alone; the embankment counts as if it were wide.
-    """
-    vertical = np.zeros(grid.z.size)
-    upper = depth_below_subgrade(track.layers)
-    for layer in track.layers:
-        lower = upper - layer.height
-        thickness = np.clip(upper - np.maximum(grid.z, lower), 0.0, None)
-        vertical -= layer.material.density * GRAVITY * thickness
-        upper = lower
-    k0 = np.array([layer.k0 for layer in track.layers])[grid.layer]
-    return np.stack([k0 * vertical, k0 * vertical, vertical, np.zeros(grid.z.size)])
+    return (edges[:-1] + edges[1:]) / 2.0, (edges[:-1] - edges[1:]) / 2.0

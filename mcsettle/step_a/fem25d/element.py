@@ -1,4 +1,4 @@
-"""2.5D finite elements: quadratic quadrilaterals with three displacements a node.
+"""2.5D finite elements: quadratic quadrilaterals with three displacements per node.
 
 With u = (i ũx, uy, uz) e^{i(ωt - kx)} the strains are e = E0 u + k E1 u with real operators,
 
@@ -57,20 +57,8 @@ def vector_basis(mesh: skfem.Mesh) -> skfem.Basis:
     return skfem.Basis(mesh, element, intorder=INTORDER)
 
 
-def assemble_operators(basis: skfem.Basis, cells: Cells) -> tuple[sp.csc_matrix, ...]:
-    """Assemble K0 [N/m²], K1 [N/m], K2 [N] and M [kg/m] per metre of track.
-
-    Returns
-    -------
-    tuple of csc_matrix
-        (K0, K1, K2, M), complex symmetric, all with one and the same sparsity pattern.
-    """
-    pattern = Pattern.of(basis.element_dofs, np.arange(basis.N))
-    return tuple(pattern.added_up(part) for part in element_operators(basis, cells))
-
-
 def element_operators(basis: skfem.Basis, cells: Cells) -> tuple[np.ndarray, ...]:
-    """K0, K1, K2 and M of every element, [E, shapes, shapes] each."""
+    """K0 [N/m²], K1 [N/m], K2 [N] and M [kg/m] of every element, [E, shapes, shapes], per m of track."""
     volume = basis.dx * (cells.stretch_y * cells.stretch_z)[:, None]
     shapes = [basis.basis[i][0] for i in range(basis.Nbfun)]
     strains = [strain_operators(shape, cells.stretch_y, cells.stretch_z) for shape in shapes]

@@ -1,9 +1,9 @@
-"""A track section whose moduli change element by element: what stays, and what each set costs.
+"""A track section whose moduli change element by element: operators computed once, scaled for each set.
 
 Element matrices are linear in the (complex) modulus of their element. A ``Frame`` computes them once;
 every further set of properties is one weighted sum. Elements of the absorbing border take the
 properties of the outermost regular element of their row (at the sides) or of the deepest one of
-their column (below), as the border stands for a ground that goes on unchanged.
+their column (below), because the border represents ground that continues unchanged.
 """
 
 from dataclasses import dataclass
@@ -33,11 +33,11 @@ LEAST_CONFINEMENT = 1e3  # Pa; curves are not known below it
 
 @dataclass(frozen=True)
 class SoftElements:
-    """The R regular elements of ballast, sub-ballast and ground, and who follows them.
+    """The R regular elements of ballast, sub-ballast and ground, and the elements that follow them.
 
     ``number`` [R] in the order of the grid, ``y``, ``z`` [R] m of their centres, ``area`` [R] m²,
     ``layer`` [R] index of the track's layer, ``confinement`` [R] Pa; ``source`` [E] is for every
-    element of the grid the one (of R) whose properties it takes, -1 for the sleepers.
+    element of the grid the regular one whose properties it takes, -1 for the sleepers.
     """
 
     number: np.ndarray
@@ -51,10 +51,10 @@ class SoftElements:
     def spread(self, track: SectionTrack, grid: Grid, scale: np.ndarray, damping: np.ndarray
                ) -> ElementProperties:  # fmt: skip
         """Properties of all elements from those [R] of the regular ones."""
-        own = table_damping(track)[grid.material]
+        given = table_damping(track)[grid.material]
         soft = self.source >= 0
         return ElementProperties(
-            np.where(soft, scale[self.source], 1.0), np.where(soft, damping[self.source], own)
+            np.where(soft, scale[self.source], 1.0), np.where(soft, damping[self.source], given)
         )
 
 
@@ -62,7 +62,7 @@ class SoftElements:
 class Frame:
     """Operators of a track section for any properties of its elements.
 
-    ``local`` (K0, K1, K2) [E, s, s] with the layers' own moduli; ``strain0 + k strain1`` [6 R, n]
+    ``local`` (K0, K1, K2) [E, s, s] with the moduli of the layers; ``strain0 + k strain1`` [6 R, n]
     gives the strains at the centres of the soft elements.
     """
 
@@ -79,7 +79,7 @@ class Frame:
     border: Border
 
     def needed(self, wavenumber: float) -> np.ndarray:
-        """Unknowns that a solution at ``wavenumber`` ≥ 0 [rad/m] takes: those of a shorter border."""
+        """Unknowns inside the border that ``wavenumber`` ≥ 0 [rad/m] needs."""
         reach = self.border.reach_at(wavenumber)
         return within(self.grid.basis, self.grid.free, self.lines, reach)
 
@@ -133,16 +133,18 @@ def soft_elements(track: SectionTrack, grid: Grid) -> SoftElements:
 def confinement(track: SectionTrack, y: np.ndarray, z: np.ndarray, layer: np.ndarray) -> np.ndarray:
     """Mean effective stress (1 + 2 K0) σ_v / 3 [Pa] at places (y, z) of layers; all [N].
 
-    σ_v is the weight above: of the layers that stand over the place and, within the embankment's
+    σ_v is the weight above: of the layers above the place and, within the embankment's
     width, of rails and sleepers spread over the width of the layer (at least 1 kPa; no water).
     """
     s, rail = track.sleeper, track.rail
-    own = 2.0 * rail.mass_per_length + s.material.density * s.fill * s.height * s.length
+    superstructure = (
+        2.0 * rail.mass_per_length + s.material.density * s.fill * s.height * s.length
+    )  # kg/m
     widths = [np.inf if w.width is None else w.width for w in track.layers]
     base = [w for w in widths if np.isfinite(w)]
     spread = np.array([w if np.isfinite(w) else max(base, default=s.length) for w in widths])
     covered = np.abs(y) < spread[layer] / 2.0
-    vertical = np.where(covered, own * GRAVITY / spread[layer], 0.0)
+    vertical = np.where(covered, superstructure * GRAVITY / spread[layer], 0.0)
     upper = depth_below_subgrade(track.layers)
     for w, width in zip(track.layers, widths, strict=True):
         thickness = np.clip(upper - np.maximum(z, upper - w.height), 0.0, None)

@@ -1,4 +1,4 @@
-"""Equivalent-linear Step A: the response of the ground that one train at one speed makes for itself."""
+"""Equivalent-linear Step A: the response of the ground softened by one train at one speed."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -87,16 +87,16 @@ def softened_ground(
     progress: Progress | None = None,
     use_cache: bool = True,
 ) -> SoftenedGround:
-    """``soften``, computed once and kept on disk; parameters as there and in ``section_response``.
+    """``soften``, computed once and stored on disk; parameters as there and in ``section_response``.
 
-    Only a converged ground is kept.
+    Only a converged ground is stored.
     """
     softening = SofteningSettings() if softening is None else softening
     folder = cache_folder() if cache is None else Path(cache)
     path = softening_file(track, train, speed, integration_depth, mesh, softening, folder)
-    found = read_arrays(path, "softening", _ground) if use_cache else None
-    if found is not None:
-        return found
+    stored = read_arrays(path, "softening", _ground) if use_cache else None
+    if stored is not None:
+        return stored
 
     def step(done: int, text: str) -> None:
         if progress is not None:
@@ -117,9 +117,9 @@ def softening_file(
     softening: SofteningSettings,
     folder: Path,
 ) -> Path:
-    """Where ``softened_ground`` keeps a ground, by all that a softening depends on; parameters as there.
+    """File in which ``softened_ground`` stores a ground; parameters as there.
 
-    That is neither settlement laws nor vehicle dynamics.
+    Its name depends on all that a softening depends on: not settlement laws, not vehicle dynamics.
     """
     plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
     choices = asdict(softening)

@@ -1,9 +1,9 @@
 """Critical speed of a track on its ground: where a constant moving load deflects the rail most.
 
 The deflection at distance s from a unit load at speed v, (1/π) Re ∫ ũ(k, kv) e^{-iks} dk, grows as
-v nears the smallest phase speed of the coupled waves of track and ground. The reduced bases reach
-ω = kv at speeds beyond their own highest as long as ω ≤ max_omega + k max_speed: past that k the
-bending of the rails has taken nearly all of the load.
+v nears the smallest phase speed of the coupled waves of track and ground. The reduced bases cover
+ω = kv at speeds above max_speed as long as ω ≤ max_omega + k max_speed: beyond that k the
+rails' bending stiffness leaves nearly nothing of the load.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ REACH = 15.0  # m ahead of and behind the load
 
 @dataclass(frozen=True)
 class CriticalSpeed:
-    """Critical ``speed`` [m/s], and the deflections [N⁻¹ m] it was found from.
+    """Critical ``speed`` [m/s], and the deflections [m/N] from which it follows.
 
     ``speeds`` [V] m/s of the scan and the largest ``deflection`` [V] m/N of the rail at each.
     """
@@ -34,25 +34,25 @@ class CriticalSpeed:
     deflection: np.ndarray
 
 
-_found: WeakKeyDictionary[SectionResponse, CriticalSpeed] = WeakKeyDictionary()
+_computed: WeakKeyDictionary[SectionResponse, CriticalSpeed] = WeakKeyDictionary()
 
 
 def critical_speed(response: SectionResponse) -> CriticalSpeed:
     """Speed at which the quasi-static deflection per load is largest.
 
-    ``response`` is that of a track and its ground, softened or not. Kept as long as the response is,
-    and on disk.
+    ``response`` is that of a track and its ground, softened or not. Remembered as long as the response
+    exists, and stored on disk.
     """
-    if response not in _found:
+    if response not in _computed:
         key = digest_of({"critical": response.digest, "scan": [SPEEDS, LOWEST, HIGHEST]})
         path = cache_folder() / f"critical-{key[:32]}.npz"
-        found = read_arrays(path, "critical speed", _of_arrays)
-        if found is None:
-            found = _critical_speed(response)
-            arrays = {"speed": np.array(found.speed), "speeds": found.speeds}
-            write_arrays(path, arrays | {"deflection": found.deflection})
-        _found[response] = found
-    return _found[response]
+        critical = read_arrays(path, "critical speed", _of_arrays)
+        if critical is None:
+            critical = _critical_speed(response)
+            arrays = {"speed": np.array(critical.speed), "speeds": critical.speeds}
+            write_arrays(path, arrays | {"deflection": critical.deflection})
+        _computed[response] = critical
+    return _computed[response]
 
 
 def _of_arrays(arrays: dict[str, np.ndarray]) -> CriticalSpeed:

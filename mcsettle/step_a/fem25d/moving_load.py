@@ -16,7 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from mcsettle.railway.track import SectionTrack, rayleigh_speed
-from mcsettle.step_a.fem25d.depth_grid import depth_grid, geostatic_stress
+from mcsettle.step_a.depths import geostatic_stress
+from mcsettle.step_a.fem25d.depth_grid import depth_grid
 from mcsettle.step_a.fem25d.modal import ModalBand, modal_bands
 from mcsettle.step_a.fem25d.reduced_basis import Band, Bases
 from mcsettle.step_a.fem25d.settings import Settings
@@ -59,8 +60,8 @@ def rail_coupling(
 class SectionResponse:
     """Response of a section track to a unit moving load per wheelset (a ``TrackResponse``).
 
-    ``load`` gives the reduced bases; it is called when they are first asked for.
-    ``properties`` are the elements' own where the soil is equivalent-linear; the wave speeds are
+    ``load`` gives the reduced bases; it is called when they are first needed.
+    ``properties`` are those of the elements where the soil is equivalent-linear; the wave speeds are
     those of the layers at small strains.
     """
 
@@ -83,7 +84,7 @@ class SectionResponse:
 
     @property
     def errors(self) -> np.ndarray:
-        """Relative errors [n] against direct solutions at random (k, ω) that no basis has seen."""
+        """Relative errors [n] against direct solutions at random (k, ω) outside the training set."""
         return self.bases.errors
 
     @cached_property
@@ -94,7 +95,7 @@ class SectionResponse:
     @cached_property
     def geostatic(self) -> np.ndarray:
         """Geostatic stress [4, Z] Pa (compression negative, xz zero)."""
-        return geostatic_stress(self.track, self.grid)
+        return geostatic_stress(self.track.layers, self.grid)
 
     @property
     def rayleigh_speed(self) -> float:
@@ -170,7 +171,7 @@ class SectionResponse:
             yield WavenumberSpectra(k, weights, np.ascontiguousarray(both[:, 0]), stress)
 
     def modal(self, bands: tuple[Band, ...]) -> list[ModalBand]:
-        """``bands`` diagonalised where the response of the ground has to be known."""
+        """``bands`` diagonalised at the wavenumbers of the support."""
         return modal_bands(bands, self._support.nodes, self.settings)
 
     def along_lines(
@@ -184,9 +185,12 @@ class SectionResponse:
         q = self.quadrature
         ahead = omegas[:, None] + q.nodes * speed
         behind = omegas[:, None] - q.nodes * speed
-        # The ground is known where the damping lets it vary, and interpolated between.
-        known = np.concatenate([omegas[:, None] + v * self._support.nodes for v in (speed, -speed)])
-        parts = [band.outputs(known[:, band.nodes]) for band in modal]
+        # The ground is computed at the wavenumbers of the support and interpolated between them; rail
+        # and pad, which vary faster, are added at every wavenumber. k < 0 is k > 0 at ω = Ω - kv.
+        at_support = np.concatenate(
+            [omegas[:, None] + v * self._support.nodes for v in (speed, -speed)]
+        )
+        parts = [band.outputs(at_support[:, band.nodes]) for band in modal]
         ground = self._support.spread(np.concatenate(parts, axis=1))
         for i, omega in enumerate(omegas):
             positive = self._coupled(ground[i], odd, q.nodes, ahead[i], 1.0)
@@ -225,7 +229,7 @@ class SectionResponse:
     ) -> np.ndarray:
         """Rail receptance and outputs under a unit force per wheelset, [N, 1 + D].
 
-        ``ground`` holds the outputs with the moduli of positive frequency, the last ``odd`` of them
+        ``ground`` are the outputs with the moduli of positive frequency, the last ``odd`` of them
         odd in k; ``sign`` is the sign of the frequency whose moduli are meant.
         """
         sign = np.broadcast_to(np.asarray(sign, dtype=float), k.shape)

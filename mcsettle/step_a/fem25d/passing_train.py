@@ -6,7 +6,7 @@ oscillates. ε̃ is interpolated between J wavenumbers (polynomials in log(k + k
 
     ε(x) = (1/π) Re Σ_j ε̃_j ∫ L_j(k) F(k) e^{-ikx} dk = Re Σ_j ε̃_j g_j(x),
 
-with functions g_j that belong to the train alone.
+with functions g_j that depend on the train alone.
 """
 
 import numpy as np
@@ -14,10 +14,10 @@ import numpy as np
 from mcsettle.railway.traffic import Train
 from mcsettle.step_a.fem25d.wavenumber_rule import wavenumber_quadrature
 
-LARGEST = 8.0  # rad/m: bending of the rails has taken 99.5 % of the load's spectrum
+LARGEST = 8.0  # rad/m: bending of the rails has removed 99.5 % of the load's spectrum by then
 SHIFT = 0.06  # rad/m, k₀
 STEP = 0.1  # m between places along the train
-CARS = 2  # cars at either end of the train over which the largest strain is looked for
+CARS = 2  # cars at either end of the train over which the largest strain is sought
 MARGIN = 3.0  # m beyond them
 
 
@@ -32,17 +32,19 @@ def places(train: Train, cars: int = CARS) -> np.ndarray:
     """Places x [X] m (in the train's coordinate) over the first and last cars of a train.
 
     The strains of a train are largest at its ends or repeat from car to car: ``cars`` at each end
-    (with the coupling between them) and a margin ahead and behind stand for all.
+    (with the coupling between them) and a margin ahead and behind represent all.
     """
     ends = np.concatenate([[0.0], np.cumsum([car.length for car in train.cars])])
-    front = train.cars[0].length / 2.0 - train.cars[0].axle_offsets[0]  # of the train's own origin
+    front = (
+        train.cars[0].length / 2.0 - train.cars[0].axle_offsets[0]
+    )  # of the leading axle, the origin
     count = len(train.cars)
     pieces = [(0, count)] if count <= 2 * cars else [(0, cars), (count - cars, count)]
-    found = [train.axle_positions]
+    candidates = [train.axle_positions]
     for first, last in pieces:
         ahead, behind = front - ends[first] + MARGIN, front - ends[last] - MARGIN
-        found.append(np.linspace(behind, ahead, int(np.ceil((ahead - behind) / STEP)) + 1))
-    x = np.unique(np.concatenate(found))
+        candidates.append(np.linspace(behind, ahead, int(np.ceil((ahead - behind) / STEP)) + 1))
+    x = np.unique(np.concatenate(candidates))
     inside = [(x >= front - ends[b] - MARGIN) & (x <= front - ends[a] + MARGIN) for a, b in pieces]
     return np.asarray(x[np.any(inside, axis=0)])
 

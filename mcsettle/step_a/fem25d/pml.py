@@ -6,8 +6,8 @@ e^{-κ Re s}: an angle of 45° serves both, and geometric growth carries the bor
 kilometres, so that one frequency-independent stretch works for waves and for the static limit
 k → 0, ω → 0 alike. Since no length depends on ω the operator stays affine in k, k² and ω².
 
-Below the wave speeds every field decays sideways at some share of k or faster, so that for
-wavenumbers of k and more the border may end some multiple of 1/k away.
+Below the wave speeds every field decays sideways at a fixed share of k or faster, so that for
+wavenumbers of k and more the border may end at a multiple of 1/k.
 """
 
 import math

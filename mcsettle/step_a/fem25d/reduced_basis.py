@@ -1,18 +1,18 @@
-"""Reduced basis: a few dozen unknowns that answer for the section at every (k, ω).
+"""Reduced basis: a few dozen unknowns that replace those of the section at every (k, ω).
 
 The operator K0 + k K1 + k² K2 - ω² M is affine, so it projects once. A basis serves one band of
 wavenumbers. It is grown greedily: solve where the residual of the present basis is largest, add the
 solution with its first and second derivatives to k and ω² (one factorisation serves all), until the
-solution just computed had been predicted within the tolerance.
+last solutions were predicted within the tolerance before they were added.
 
-The projection is Vᴴ A V (Galerkin): the numerical range of A holds that of its projection, and damping
+The projection is Vᴴ A V (Galerkin): the numerical range of A contains that of its projection, and damping
 keeps it away from zero. Without the conjugate, or with adjoint solutions for a test space, false
 resonances appear between the training points, with errors of up to 100 % in a narrow range of (k, ω).
 
 The residual is measured through a fixed random sketch, which costs little per training point and
 does not lose half the digits as a squared norm would. A residual far from the track matters less to
-its stresses, so it counts with the inverse square of its distance. Slow long waves are overlooked by
-it; so every other solution goes where the outputs changed most when the basis last grew.
+its stresses, so it counts with the inverse square of its distance. It overlooks slow long
+waves; so every other solution is placed where the outputs changed most at the last extension.
 """
 
 from collections.abc import Iterable
@@ -32,7 +32,7 @@ SKETCH = 64  # rows of the random sketch
 SKETCH_SEED = 20_240_117
 NO_ROWS = np.empty(0, dtype=int)
 CONFIRMATIONS = 2  # predicted solutions within the tolerance that end the growth, one of each kind
-LEAST = 8  # solutions, before two good predictions can be more than luck
+LEAST = 8  # solutions; with fewer, two good predictions may be chance
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class _Growth:
         sketch = rng.standard_normal((SKETCH, section.unknowns))
         self.sketch = (sketch * scale).astype(np.complex128)
         self.sketched_load = self.sketch @ section.load
-        # Room for all at once: growing arrays by copying them cost as much as the factorisations.
+        # Allocated at full size: growing the arrays by copies took as long as the factorisations.
         n, most = section.unknowns, capacity * VECTORS
         self.size = 0
         self._space = np.empty((n, most), dtype=np.complex128, order="F")
@@ -163,7 +163,7 @@ class _Growth:
             self._sketched[i, :, old:grown] = self.sketch @ image
 
     def band(self, lower: float, upper: float, rows: np.ndarray) -> Band:
-        """The projected operator as it stands; ``rows`` [D] as in ``grow_band``."""
+        """The present projected operator; ``rows`` [D] as in ``grow_band``."""
         s, p = self.section, self._projected[:, : self.size, : self.size].copy()
         displacement = s.load @ self.space
         out0 = np.vstack([displacement[None], s.stress0 @ self.space])
@@ -263,7 +263,10 @@ def grow_band(
     growth.add(middle[0], float(middle[1][middle[1].size // 2]))
     ks = np.concatenate([np.full(w.size, k) for k, w in training])
     omegas = np.concatenate([w for _, w in training])
-    confirmed, changes, before = 0, np.full(ks.size, np.inf), None
+    # Two measures in turn choose the next solution: the residual, which finds resonances, and the
+    # change of the outputs by the last extension, which finds slow long waves. The basis is complete
+    # when its last predictions, one of each kind, and all changes were within the tolerance.
+    confirmed, changes, previous = 0, np.full(ks.size, np.inf), None
     while growth.solves < LEAST or confirmed < CONFIRMATIONS or changes.max() > tolerance:
         if growth.solves >= max_solves:
             raise NumericalError(
@@ -273,9 +276,9 @@ def grow_band(
         band = growth.band(lower, upper, NO_ROWS)
         tried = [growth.tried(band, k, w) for k, w in training]
         outs = np.concatenate([t[1] for t in tried])
-        if before is not None:
-            changes = _errors(before, outs)
-        before = outs
+        if previous is not None:
+            changes = _errors(previous, outs)
+        previous = outs
         by_residual = growth.solves % 2 == 1
         at = int(np.argmax(np.concatenate([t[0] for t in tried]) if by_residual else changes))
         error = output_error(outs[at], growth.add(float(ks[at]), float(omegas[at])))

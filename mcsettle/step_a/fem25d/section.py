@@ -71,22 +71,22 @@ class Section:
         return int(self.load.size)
 
     def for_wavenumbers(self, lowest: float, border: Border) -> "Section":
-        """The section whose border ends where ``lowest`` [rad/m] and all above it need no more.
+        """The section with the border that wavenumbers of ``lowest`` [rad/m] and above need.
 
-        The border is cut at a mesh line, so that the matrices are parts of those at hand.
+        The border is cut at a mesh line, so that the matrices are blocks of these.
         """
-        kept = within(self.basis, self.free, (self.y, self.depth), border.reach_at(lowest))
-        if kept.size == self.free.size:
+        inside = within(self.basis, self.free, (self.y, self.depth), border.reach_at(lowest))
+        if inside.size == self.free.size:
             return self
-        k0, k1, k2, mass = (m[kept][:, kept].tocsc() for m in (*self.stiffness, self.mass))
+        k0, k1, k2, mass = (m[inside][:, inside].tocsc() for m in (*self.stiffness, self.mass))
         return replace(
             self,
             stiffness=(k0, k1, k2),
             mass=mass,
-            load=self.load[kept],
-            stress0=self.stress0[:, kept].tocsr(),
-            stress1=self.stress1[:, kept].tocsr(),
-            free=self.free[kept],
+            load=self.load[inside],
+            stress0=self.stress0[:, inside].tocsr(),
+            stress1=self.stress1[:, inside].tocsr(),
+            free=self.free[inside],
         )
 
 

@@ -1,4 +1,4 @@
-"""The door to Step A: reduced bases for a track, from disk or computed, as a ``SectionResponse``."""
+"""Entry to Step A: the reduced bases of a track, read or computed, as a ``SectionResponse``."""
 
 import multiprocessing
 import os
@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from mcsettle.storage.files import cache_folder
 
 Progress = Callable[[int, int, str], None]
 HELD_OUT_SEED = 8_230_451
-# What a spawned process reads when it starts: one BLAS thread; and freed memory stays with it, as every
+# Environment of a spawned process: one BLAS thread; freed memory stays with it, because every
 # factorisation takes tens of megabytes whose pages the system would clear again each time (glibc).
 WORKER = {
     "OPENBLAS_NUM_THREADS": "1",
@@ -44,7 +45,7 @@ def section_response(
     properties: ElementProperties | None = None,
     deferred: bool = False,
 ) -> SectionResponse:
-    """Response of a ballasted track to moving loads (Step A), computed once and kept on disk.
+    """Response of a ballasted track to moving loads (Step A), computed once and stored on disk.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def section_response(
     properties : ElementProperties, optional
         Moduli and damping element by element (``soften``); default those of the layers.
     deferred : bool
-        True leaves the bases until they are first asked for: its digest alone may do.
+        True computes the bases when they are first needed: often the digest alone is.
 
     Raises
     ------
@@ -79,16 +80,7 @@ def section_response(
         raise ValueError(f"workers is {workers}; at least one is needed")
     model = _Model(track, integration_depth, settings, properties)
     folder = cache_folder() if cache is None else Path(cache)
-
-    def load() -> Bases:
-        path = folder / f"section-{model.basis_digest[:32]}.npz"
-        found = read_bases(path) if use_cache else None
-        if found is None:
-            found = _compute(model, progress, workers)
-            if use_cache:
-                write_bases(path, found)
-        return found
-
+    load = partial(_bases, model, folder if use_cache else None, progress, workers)
     response = SectionResponse(
         track, integration_depth, settings, load, digest_of(model.description), properties
     )
@@ -116,15 +108,15 @@ class _Model:
     def description(self) -> dict[str, Any]:
         """Everything a response depends on (the settlement laws are not part of it)."""
         layers = tuple(replace(layer, law=None) for layer in self.track.layers)
-        found = {
+        description = {
             "format": FORMAT,
             "track": asdict(replace(self.track, layers=layers)),
             "integration_depth": self.integration_depth,
             "settings": self.settings.description,
         }
         if self.properties is not None:
-            found["properties"] = self.properties.digest
-        return found
+            description["properties"] = self.properties.digest
+        return description
 
     @property
     def basis_digest(self) -> str:
@@ -137,6 +129,18 @@ class _Model:
         for layer in description["track"]["layers"]:
             del layer["k0"], layer["name"]
         return digest_of(description)
+
+
+def _bases(model: _Model, folder: Path | None, progress: Progress | None, workers: int) -> Bases:
+    """Bases read from a folder, or computed and stored there; only computed without a folder."""
+    if folder is None:
+        return _compute(model, progress, workers)
+    path = folder / f"section-{model.basis_digest[:32]}.npz"
+    bases = read_bases(path)
+    if bases is None:
+        bases = _compute(model, progress, workers)
+        write_bases(path, bases)
+    return bases
 
 
 def _compute(model: _Model, progress: Progress | None, workers: int) -> Bases:
@@ -170,7 +174,7 @@ def _compute(model: _Model, progress: Progress | None, workers: int) -> Bases:
 
 @contextmanager
 def worker_environment() -> Iterator[None]:
-    """Environment for processes spawned inside; that of this process is put back."""
+    """Environment for processes spawned inside; afterwards that of this process is restored."""
     before = {name: os.environ.get(name) for name in WORKER}
     os.environ.update(WORKER)
     try:
@@ -183,7 +187,7 @@ def worker_environment() -> Iterator[None]:
                 os.environ[name] = value
 
 
-_sections: dict[str, Section] = {}  # of a worker process: bands of one track share their section
+_sections: dict[str, Section] = {}  # of a worker process: the bands of one track share it
 
 
 def _task(model: _Model, index: int) -> tuple[Band, np.ndarray, np.ndarray]:
@@ -195,7 +199,7 @@ def _task(model: _Model, index: int) -> tuple[Band, np.ndarray, np.ndarray]:
 
 
 def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray, np.ndarray]:
-    """One band, its errors at random points it never saw, and the heights of its centreline."""
+    """One band, its errors at random points outside its training set, and its centreline heights."""
     track, settings = model.track, model.settings
     lower = 0.0 if index == 0 else settings.bands[index - 1]
     upper = settings.bands[index]

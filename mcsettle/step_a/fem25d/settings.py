@@ -15,9 +15,9 @@ class Settings:
     The response is available for speeds up to ``max_speed`` [m/s] and driving frequencies up to
     ``max_omega`` [rad/s]: the basis is trained on ω ≤ max_omega + k max_speed for k up to the last
     of ``bands`` [rad/m]. ``tolerance`` ends the growth of a basis: error at its worst points, and the
-    largest change of an output by the last growth; the error elsewhere is mostly below a seventh of it.
+    largest change of an output by the last extension; elsewhere it is mostly below a seventh of that.
     ``panel`` [rad/m] is the longest quadrature panel for k < 3 rad/m, fit for distances up to about
-    12/(panel/2) m. ``held_out`` points a band check the basis and change nothing.
+    12/(panel/2) m. ``held_out`` points per band check the basis and change nothing.
     """
 
     mesh: MeshSettings = MeshSettings()

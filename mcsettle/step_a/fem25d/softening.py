@@ -7,7 +7,7 @@ every element of ballast, sub-ballast and ground the octahedral shear strain
 
 (ε tensor strains; 2/3 is the engineering shear strain of the octahedral plane) has a maximum over the
 passage; a share of it, 0.65 by default, is the effective strain from which the layer's curve gives
-the next modulus and damping. The damping never falls below the layer's own. Poisson's ratio stays.
+the next modulus and damping. The damping never falls below that of the layer. Poisson's ratio stays.
 """
 
 import functools
@@ -31,10 +31,10 @@ from mcsettle.step_a.fem25d.section import MeshSettings
 from mcsettle.step_a.fem25d.solve import SUPERLU
 from mcsettle.step_a.fem25d.track_section import ElementProperties
 
-WAVENUMBERS = 16  # solutions an iteration
+WAVENUMBERS = 16  # solutions per iteration
 CHUNK = 400  # places along the train handled together
 LARGEST_DAMPING = 0.45
-LARGEST_MIX = 3.0  # most that an extrapolation may take of the last step
+LARGEST_MIX = 3.0  # largest share of the last step in an extrapolation
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class SofteningHistory:
         return int(self.change.size)
 
     def text(self) -> str:
-        """One line an iteration: change, and per layer lowest and mean modulus in MPa."""
+        """One line per iteration: change, and per layer lowest and mean modulus in MPa."""
         lines = []
         for i in range(self.iterations):
             moduli = ", ".join(
@@ -73,7 +73,7 @@ class SofteningHistory:
 
 @dataclass(frozen=True, eq=False)
 class SoftenedGround:
-    """Properties of every element that fit one train at one speed, and how they were found."""
+    """Properties of every element that fit one train at one speed, and the history of the iteration."""
 
     properties: ElementProperties
     history: SofteningHistory
@@ -109,7 +109,7 @@ def soften(
     progress : callable, optional
         Called as ``progress(iterations, text)`` after each iteration.
     frame : Frame, optional
-        ``track_frame(track, integration_depth, mesh)``, where it is at hand.
+        ``track_frame(track, integration_depth, mesh)``, if it exists already.
     start : ElementProperties, optional
         Where the iteration starts, such as the ground of another speed; default the small-strain
         ground. The result depends on it within the tolerance.
@@ -128,37 +128,54 @@ def soften(
     if frame is None:
         plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
         frame = _frame(plain, integration_depth, mesh or MeshSettings())
-    soft = frame.elements
-    own = np.array([layer.material.damping for layer in track.layers])[soft.layer]
+    elements = frame.elements
+    layer_damping = np.array([layer.material.damping for layer in track.layers])[elements.layer]
+    state = np.stack([np.ones(elements.number.size), layer_damping])
+    if start is not None:
+        state = np.stack([start.scale[elements.number], start.damping[elements.number]])
+    final, records = _iterate(frame, curves, train, speed, state, settings, progress)
+    history = _history(track, records, records[-1][0] <= settings.tolerance)
+    if not history.converged:
+        _not_converged(history, settings, train.name, speed)
+    return SoftenedGround(elements.spread(track, frame.grid, *final), history)
+
+
+def _iterate(
+    frame: Frame,
+    curves: tuple[Curve, ...],
+    train: Train,
+    speed: float,
+    state: np.ndarray,
+    settings: SofteningSettings,
+    progress: Callable[[int, str], None] | None,
+) -> tuple[np.ndarray, list[tuple[float, np.ndarray]]]:
+    """Share of the modulus and damping [2, R] at the end, and (change, summary) of every iteration."""
+    track, elements = frame.track, frame.elements
+    layer_damping = np.array([layer.material.damping for layer in track.layers])[elements.layer]
     wavenumbers = line_wavenumbers(WAVENUMBERS)
     passing = along_train(train, wavenumbers, places(train))
-    state = np.stack([np.ones(soft.number.size), own])
-    if start is not None:
-        state = np.stack([start.scale[soft.number], start.damping[soft.number]])
     records: list[tuple[float, np.ndarray]] = []
     steps: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(settings.max_iterations):
-        properties = soft.spread(track, frame.grid, *state)
+        # One iteration maps moduli to the strains they give, and these by the curves to new moduli.
+        properties = elements.spread(track, frame.grid, *state)
         spectra = strain_spectra(frame, properties, wavenumbers, speed)
         strain = settings.strain_factor * largest_octahedral(spectra, passing, settings.octahedral)
-        new = _by_curve(curves, strain, soft.layer, soft.confinement, own)
-        change = float(np.max(np.abs(new[0] / state[0] - 1.0)))
-        records.append((change, _summary(frame, new[0], strain, new[1])))
+        image = _by_curve(curves, strain, elements.layer, elements.confinement, layer_damping)
+        change = float(np.max(np.abs(image[0] / state[0] - 1.0)))
+        records.append((change, _summary(frame, image[0], strain, image[1])))
         if progress is not None:
             progress(len(records), f"softening at {speed * 3.6:.0f} km/h: change {change:.1%}")
         if change <= settings.tolerance:
             break
-        steps.append((state, new))
+        steps.append((state, image))
         state = _next(steps)
-    history = _history(track, records, change <= settings.tolerance)
-    if not history.converged:
-        _not_converged(history, settings, train.name, speed)
-    return SoftenedGround(soft.spread(track, frame.grid, *new), history)
+    return image, records
 
 
 @functools.lru_cache(maxsize=1)
 def _frame(track: SectionTrack, integration_depth: float, mesh: MeshSettings) -> Frame:
-    """The grounds of one study share their elements: those of the last one are kept."""
+    """Frame of the last track: the grounds of one study share their elements."""
     return track_frame(track, integration_depth, mesh)
 
 
@@ -175,10 +192,10 @@ def strain_spectra(
     strains = np.empty((6, count, wavenumbers.size), dtype=np.complex128)
     for j, k in enumerate(wavenumbers.tolist()):
         data = k0.data + k * k1.data + k**2 * k2.data - (k * speed) ** 2 * frame.mass.data
-        whole, kept = sp.csc_matrix((data, k0.indices, k0.indptr), k0.shape), frame.needed(k)
-        lu = spla.splu(whole[kept][:, kept].tocsc(), **SUPERLU)
+        operator, inside = sp.csc_matrix((data, k0.indices, k0.indptr), k0.shape), frame.needed(k)
+        lu = spla.splu(operator[inside][:, inside].tocsc(), **SUPERLU)
         u = np.zeros(frame.load.size, dtype=np.complex128)
-        u[kept] = lu.solve(frame.load[kept].astype(np.complex128))
+        u[inside] = lu.solve(frame.load[inside].astype(np.complex128))
         foot[j] = frame.load @ u
         strains[:, :, j] = (frame.strain0 @ u + k * (frame.strain1 @ u)).reshape(6, count)
     strains[4:] *= 1j  # u = (i ũx, uy, uz)
@@ -218,31 +235,31 @@ def _by_curve(
     strain: np.ndarray,
     layer: np.ndarray,
     confinement: np.ndarray,
-    own: np.ndarray,
+    layer_damping: np.ndarray,
 ) -> np.ndarray:
-    """Modulus share and damping [2, R] at effective strains; ``own`` is the layers' damping."""
-    scale, damping = np.ones_like(strain), own.copy()
+    """Share of the modulus and damping [2, R] at effective strains."""
+    scale, damping = np.ones_like(strain), layer_damping.copy()
     for index, curve in enumerate(curves):
         at = layer == index
         scale[at], curve_damping = reduction(curve, strain[at], confinement[at])
-        damping[at] = np.minimum(np.maximum(own[at], curve_damping), LARGEST_DAMPING)
+        damping[at] = np.minimum(np.maximum(layer_damping[at], curve_damping), LARGEST_DAMPING)
     return np.stack([scale, damping])
 
 
 def _next(steps: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Where to go on after steps (state, its image), [2, R]: the image, extrapolated.
+    """Next state [2, R] after steps (state, its image): the image, extrapolated.
 
-    The iteration contracts by about one half a step, alike everywhere. The last two steps are
-    combined (Anderson's mixing with one step of memory, on the logarithms of the moduli) so that
-    their residuals cancel best.
+    The iteration contracts by about one half per step, much the same in every element. The last
+    two steps are combined (Anderson's mixing with one step of memory, on the logarithms of the moduli)
+    so that their residuals cancel best.
     """
-    (before, seen), (state, image) = steps[-2] if len(steps) > 1 else steps[-1], steps[-1]
+    (before, image_before), (state, image) = steps[-2] if len(steps) > 1 else steps[-1], steps[-1]
     residual = np.log(image[0] / state[0])
-    slope = residual - np.log(seen[0] / before[0])
+    slope = residual - np.log(image_before[0] / before[0])
     share = float(residual @ slope / max(slope @ slope, 1e-300))
     share = min(max(share, -LARGEST_MIX), LARGEST_MIX) if len(steps) > 1 else 0.0
-    scale = np.minimum(image[0] * (image[0] / seen[0]) ** -share, 1.0)
-    damping = np.clip(image[1] - share * (image[1] - seen[1]), 0.0, LARGEST_DAMPING)
+    scale = np.minimum(image[0] * (image[0] / image_before[0]) ** -share, 1.0)
+    damping = np.clip(image[1] - share * (image[1] - image_before[1]), 0.0, LARGEST_DAMPING)
     return np.stack([scale, damping])
 
 
@@ -278,7 +295,7 @@ def _not_converged(
     )
     if not settings.keep_last:
         raise NumericalError(
-            f"{message}; raise max_iterations or tolerance, or set keep_last = true to go on with "
+            f"{message}; raise max_iterations or tolerance, or set keep_last = true to continue with "
             "the last iterate"
         )
     warnings.warn(f"{message}; the last iterate is used", RuntimeWarning, stacklevel=3)

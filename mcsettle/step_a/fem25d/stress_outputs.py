@@ -1,7 +1,7 @@
-"""Stress on the centreline as rows of a sparse matrix; where the displacement stands there.
+"""Stress on the centreline as rows of a sparse matrix, and the displacements there.
 
 Derivatives of quadratic elements are most accurate at the 2 × 2 Gauss points. The rows therefore
-take the stress there, extrapolate it to y = 0 in y² (all four components are even in y) and
+evaluate the stress there, extrapolate it to y = 0 in y² (all four components are even in y) and
 interpolate it in z within a layer.
 """
 
@@ -96,10 +96,14 @@ def _point_rows(
 def _to_centreline(
     y: np.ndarray, height: np.ndarray, z: np.ndarray, layer_bounds: list[tuple[float, float]]
 ) -> sp.csr_matrix:
-    """Weights [Z, P] that carry values at Gauss points to (0, z)."""
+    """Weights [Z, P] of the values at Gauss points for those at (0, z).
+
+    Across: f = a + b y² through the two columns of Gauss points gives f(0). Down: the Lagrange
+    polynomial through the nearest levels of the same layer, because stresses jump at interfaces.
+    """
     y, height = y.ravel(), height.ravel()
-    found = [any(lower < place < upper for upper, lower in layer_bounds) for place in z]
-    if not all(found):
+    inside_a_layer = [any(lower < place < upper for upper, lower in layer_bounds) for place in z]
+    if not all(inside_a_layer):
         raise ValueError(
             f"heights {z} m must lie inside the layers {layer_bounds}: on an interface the stress "
             "has two values"

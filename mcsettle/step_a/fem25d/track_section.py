@@ -1,7 +1,7 @@
 """A ballasted track as a cross-section: sleeper, embankment, layered ground, border.
 
-The rail is not part of the mesh: a pad spreads its force evenly over the rail foot and takes the mean
-displacement under it, so rail and pad join the section in closed form (``moving``).
+The rail is not part of the mesh: a pad spreads its force evenly over the rail foot and follows the mean
+displacement under it, so rail and pad join the section in closed form (``moving_load``).
 """
 
 import hashlib
@@ -69,9 +69,9 @@ def track_section(
     Parameters
     ----------
     track : SectionTrack
-        Widths are full widths; the lowest embankment layer stands on the surface z = 0.
+        Widths are full widths; the lowest embankment layer rests on the surface z = 0.
     integration_depth : float
-        Depth [m] below z = 0 down to which stresses are given; the mesh is real to there.
+        Depth [m] below z = 0 down to which stresses are given and the mesh is real.
     mesh : MeshSettings
         Element sizes and absorbing border.
     properties : ElementProperties, optional
@@ -80,7 +80,7 @@ def track_section(
     Raises
     ------
     ValueError
-        If the properties are not as many as the elements.
+        If the number of properties is not that of the elements.
     """
     y, depth = track_lines(track, integration_depth, mesh)
     materials, index = _track_materials(track, y, depth)
@@ -125,9 +125,10 @@ def stiffness_factors(track: SectionTrack, grid: Grid, properties: ElementProper
         raise ValueError(
             f"{properties.scale.size} element properties given for {grid.material.size} elements"
         )
-    own = table_damping(track)[grid.material]
-    new = damped(1.0, properties.damping, track.damping_convention)
-    return np.asarray(properties.scale * new / damped(1.0, own, track.damping_convention))
+    convention = track.damping_convention
+    given = damped(1.0, table_damping(track)[grid.material], convention)
+    new = damped(1.0, properties.damping, convention)
+    return np.asarray(properties.scale * new / given)
 
 
 def table_damping(track: SectionTrack) -> np.ndarray:
@@ -188,7 +189,7 @@ def _track_materials(
 
 
 def _layer_bounds(track: SectionTrack, integration_depth: float) -> list[tuple[float, float]]:
-    """Upper and lower height of every layer that carries outputs [m]."""
+    """Upper and lower height [m] of every layer in which stresses are given."""
     z, bounds = depth_below_subgrade(track.layers), []
     for layer in track.layers:
         lower = max(z - layer.height, -integration_depth)

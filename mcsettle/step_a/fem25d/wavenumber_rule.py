@@ -1,8 +1,8 @@
 """Quadrature over wavenumber, and the jump that hysteretic damping puts into the integrand.
 
-The panels are as short as e^{-iks} asks for at the far end of a train. The response of the ground
-itself is smoother: its poles keep a distance of ξ k from the real axis. ``Support`` holds the fewer
-wavenumbers at which it has to be known.
+The panels are short enough for e^{-iks} at the far end of a train. The response of the ground
+is smoother: its poles are ξ k away from the real axis. ``Support`` has the fewer
+wavenumbers at which it is computed.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,10 @@ class Quadrature:
 
     @cached_property
     def both_signs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes and weights [2 P n] rad/m over [-k_max, k_max]; one object: others keep phases by it."""
+        """Nodes and weights [2 P n] rad/m over [-k_max, k_max].
+
+        Always the same object: phases are cached by its identity.
+        """
         return (
             np.concatenate([-self.nodes[::-1], self.nodes]),
             np.concatenate([self.weights[::-1], self.weights]),
@@ -73,14 +76,14 @@ class Support:
     def spread(self, values: np.ndarray) -> np.ndarray:
         """Complex values [W, N, J] at the rule's nodes from those [W, M, J] at the support."""
         count = self.pieces[-1][1].stop
-        found = np.empty((values.shape[0], count, values.shape[2]), dtype=np.complex128)
-        for own, rule, matrix in self.pieces:
-            part = np.ascontiguousarray(values[:, own])
+        at_nodes = np.empty((values.shape[0], count, values.shape[2]), dtype=np.complex128)
+        for support, rule, matrix in self.pieces:
+            part = np.ascontiguousarray(values[:, support])
             if matrix is None:
-                found[:, rule] = part
+                at_nodes[:, rule] = part
             else:  # real times complex, as real times real
-                found[:, rule] = (matrix @ part.view(np.float64)).view(np.complex128)
-        return found
+                at_nodes[:, rule] = (matrix @ part.view(np.float64)).view(np.complex128)
+        return at_nodes
 
 
 def smooth_support(quadrature: Quadrature, damping: float) -> Support:
@@ -103,22 +106,23 @@ def smooth_support(quadrature: Quadrature, damping: float) -> Support:
             and edges[last + 1] - edges[first] <= SMOOTH * damping * edges[first]
         ):
             last += 1
-        rule, own = slice(first * n, last * n), slice(len(pieces) * n, (len(pieces) + 1) * n)
+        rule = slice(first * n, last * n)
+        support = slice(len(pieces) * n, (len(pieces) + 1) * n)
         middle, half = (edges[last] + edges[first]) / 2.0, (edges[last] - edges[first]) / 2.0
         matrix = None
         if last > first + 1:
             at = (quadrature.nodes[rule] - middle) / half
             matrix = np.polynomial.legendre.legvander(at, n - 1) @ inverse
         nodes.append(middle + half * x)
-        pieces.append((own, rule, matrix))
+        pieces.append((support, rule, matrix))
         first = last
     return Support(np.concatenate(nodes), tuple(pieces))
 
 
 def jump_shares(quadrature: Quadrature, place: float) -> tuple[slice, np.ndarray] | None:
-    """Nodes of the panel that holds a jump, and the share of each node's weight below it.
+    """Nodes of the panel that contains a jump, and the share of each node's weight below it.
 
-    With f = f₁ below ``place`` [rad/m] and f₂ above, both smooth over the whole panel, the values
+    With f = f₁ below ``place`` [rad/m] and f₂ above, both smooth over the complete panel, the values
     share f₁ + (1 - share) f₂ at the panel's nodes integrate the pieces exactly for polynomials.
 
     Returns
