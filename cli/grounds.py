@@ -49,17 +49,28 @@ def grounds(
 
 def list_lines(study: "Study") -> Iterator[str]:
     """Every ground of a study: number, name, segment, probability, and why it cannot be run."""
+    from mcsettle.railway.ground_profiles import merged_layers, merging_remark, slabs
     from mcsettle.study.parameter_sets import ground_sets
 
-    if study.grounds_table is None:
+    table = study.grounds_table
+    if table is None:
         raise InputError("the study has no [grounds]")
+    heights = slabs(table.fine_m, table.fine_depth_m, table.coarse_m, table.depth_m)
     yield f"{'set':>4} {'probability':>11}  segment, ground"
     failed = 0
     for member, ground in zip(ground_sets(study), study.grounds(), strict=False):
         failed += bool(member.failure)
         why = f"  FAILS: {member.failure.partition(': ')[2]}" if member.failure else ""
+        for layer in merged_layers(ground, heights):
+            why += (
+                f"  MERGED: {layer.height:.3g} m of {layer.material} at {layer.top:.3g} m into "
+                f"{' and '.join(layer.into)}"
+            )
         yield f"{member.index:>4} {ground.probability:>11.3f}  {ground.segment}, {ground.name}{why}"
     yield f"{len(study.grounds())} grounds; {failed} of the {study.n_sets} asked for cannot be run"
+    remark = merging_remark(study.grounds(), heights)
+    if remark:
+        yield remark
 
 
 def report_lines(report: "GroundReport") -> Iterator[str]:

@@ -210,6 +210,9 @@ def build_grounds(table: GroundsTable, layers: Path, weights: Path) -> tuple[Gro
         table.material_column,
         table.segment_column,
         table.probability_column,
+        table.encoding,
+        table.decimal or ".",
+        table.level_unit or "m",
     )
     changed = layers.stat().st_mtime + weights.stat().st_mtime
     return _grounds(layers, weights, columns, table.leave_out, changed)

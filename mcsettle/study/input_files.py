@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from mcsettle.errors import InputError
-from mcsettle.railway.ground_profiles import Ground
+from mcsettle.railway.ground_profiles import Ground, merging_remark, slabs
 from mcsettle.railway.irregularity import wavenumbers
 from mcsettle.railway.measured_profiles import Record, prepared
 from mcsettle.railway.record import file_digest
@@ -142,3 +142,12 @@ def record_remarks(profile: ProfileTable, locate: Locate) -> list[str]:
         + ("repaired, as asked for" if finding.kind in repairs else "left as they are")
         for finding in record.findings
     ]
+
+
+def ground_remarks(table: GroundsTable | None, locate: Locate) -> list[str]:
+    """Which layers of the grounds of ``table`` the slabs do not show."""
+    if table is None:
+        return []
+    heights = slabs(table.fine_m, table.fine_depth_m, table.coarse_m, table.depth_m)
+    remark = merging_remark(read_grounds(table, locate), heights)
+    return [f"grounds: {remark}"] if remark else []

@@ -41,6 +41,7 @@ from mcsettle.study.checks.together import faults_between, warnings_of
 from mcsettle.study.checks.uncertain import uncertain_faults
 from mcsettle.study.faults import Fault, faults_of, refusal, suggestion
 from mcsettle.study.input_files import (
+    ground_remarks,
     grounds_with_digests,
     input_file,
     profile_with_digest,
@@ -128,14 +129,18 @@ class Study(StudyTables):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Remarks on a sound study: speeds near a wave speed of the ground, a record's findings.
+        """Remarks on a sound study: wave speeds, a record's findings, layers too thin for the slabs.
 
         Raises
         ------
         InputError
-            The profile's record cannot be read or used.
+            The profile's record or the grounds cannot be read or used.
         """
-        return (*warnings_of(parts_of(self)), *record_remarks(self.profile, self._locate))
+        return (
+            *warnings_of(parts_of(self)),
+            *record_remarks(self.profile, self._locate),
+            *ground_remarks(self.grounds_table, self._locate),
+        )
 
     def variant(self, name: str) -> VariantTable:
         """The variant ``name``.

@@ -30,6 +30,11 @@ class GroundsTable(Table):
     layers: FileName
     weights: FileName
     separator: Literal["comma", "semicolon", "tab"] = "semicolon"
+    decimal: Literal[".", ","] | None = None
+    encoding: (
+        Literal["utf-8", "utf-16", "cp1252", "cp1250", "iso-8859-1", "iso-8859-15", "cp850"] | None
+    ) = None
+    level_unit: Literal["m", "dm", "cm", "mm", "ft"] | None = None
     ground_column: Column = "soilprofile_id"
     top_column: Column = "top_level"
     material_column: Column = "soil_name"
