@@ -11,12 +11,10 @@ import os
 import random
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import warnings
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import toy
+from alarm import in_time
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
@@ -36,7 +35,8 @@ from mcsettle.run.pipeline import run_study
 from mcsettle.run.status import survey
 from mcsettle.step_a.fem25d.cache import read_arrays, write_arrays
 from mcsettle.step_a.transfer_file import load, save
-from mcsettle.storage import parquet, shard_record
+from mcsettle.storage import npz, parquet, shard_record
+from mcsettle.storage.files import cache_folder
 from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import PROVENANCE
 from mcsettle.study.study import Study, load_study, resolved_toml, study_from_text
@@ -45,39 +45,27 @@ from mcsettle.summary.results import read_results
 ROOT = Path(__file__).resolve().parents[2]
 STUDIES = sorted((ROOT / "studies").glob("*.toml"))
 FAST, LONG = 60, 3000  # cases of one kind
+KERNELS = str(cache_folder())  # compiled ones, before a test has a cache of its own
 
 
-@contextlib.contextmanager
-def in_time() -> Iterator[None]:
-    """Fail what takes longer than five seconds of this process's time, or a minute of anybody's."""
-
-    def ring(*_: object) -> None:
-        raise TimeoutError("a case hung")
-
-    clocks = ((signal.ITIMER_PROF, signal.SIGPROF, 5.0), (signal.ITIMER_REAL, signal.SIGALRM, 60.0))
-    old = [signal.signal(number, ring) for _, number, _ in clocks]
-    for clock, _, limit in clocks:
-        signal.setitimer(clock, limit)
-    try:
-        yield
-    finally:
-        for (clock, number, _), kept in zip(clocks, old, strict=True):
-            signal.setitimer(clock, 0.0)
-            signal.signal(number, kept)
+FAULTS = (Exception, pytest.fail.Exception)  # of a case: an alarm too
 
 
-def refused_or_sound(text: bytes) -> None:
-    """A study is refused in words, or is one that can be written and read again as it is."""
+def in_words(error: InputError) -> None:
+    assert 0 < len(str(error)) < 20_000
+
+
+def refused_or_sound(text: bytes) -> Study | None:
+    """A study is refused in words (None), or is one that can be written and read again as it is."""
     with in_time():
         try:
             study = study_from_text(text, "study.toml", ROOT / "studies")
         except InputError as error:
-            told = str(error)
-        else:
-            told = ""
-            again = study_from_text(resolved_toml(study).encode(), "again", ROOT / "studies")
-            assert again.digest == study.digest
-    assert len(told) < 20_000
+            in_words(error)
+            return None
+        again = study_from_text(resolved_toml(study).encode(), "again", ROOT / "studies")
+        assert again.digest == study.digest
+        return study
 
 
 # --- studies --------------------------------------------------------------------------------------
@@ -117,14 +105,15 @@ def mutated(text: str, rng: random.Random) -> bytes:
 
 
 def fuzz_studies(cases: int, start: int) -> None:
-    texts = [path.read_text(encoding="utf-8") for path in STUDIES]
+    texts, accepted = [path.read_text(encoding="utf-8") for path in STUDIES], 0
     for case in range(start, start + cases):
         rng = random.Random(case)
         data = mutated(rng.choice(texts), rng)
         try:
-            refused_or_sound(data)
-        except Exception as error:
+            accepted += refused_or_sound(data) is not None
+        except FAULTS as error:
             raise AssertionError(f"case {case}: {data!r}") from error
+    assert 0.05 < accepted / cases < 0.95  # both ways are tried
 
 
 def test_mutated_studies():
@@ -134,6 +123,64 @@ def test_mutated_studies():
 @pytest.mark.slow
 def test_very_many_mutated_studies():
     fuzz_studies(2 * LONG, 1_000_000)
+
+
+NUMBER = re.compile(r"(?<![\w.])-?[0-9]+(\.[0-9]+)?(?![\w.])")
+FACTORS = (0.0, -1.0, 1e-300, 1e-6, 0.1, 0.5, 0.9, 1.1, 2.0, 10.0, 1e3, 1e300)
+
+
+def nudged(text: str, rng: random.Random) -> bytes:
+    """A study file with one or two of its numbers multiplied: one in five still passes."""
+    for _ in range(rng.choice((1, 1, 2))):
+        number = rng.choice(list(NUMBER.finditer(text)))
+        value = float(number.group()) * rng.choice(FACTORS)
+        new = int(value) if value.is_integer() and abs(value) < 1e18 else value
+        text = f"{text[: number.start()]}{new}{text[number.end() :]}"
+    return text.encode()
+
+
+def fuzz_runs(folder: Path, runs: int, start: int) -> None:
+    """What is accepted is run: to numbers, to rows that say why they failed, or to a refusal."""
+    text, ran = resolved_toml(toy.study()), 0
+    for case in range(start, start + 40 * runs):
+        data = nudged(text, random.Random(case))
+        try:
+            study = refused_or_sound(data)
+            if study is not None:
+                ran += 1
+                with in_time(60.0, 600.0):
+                    run_to_an_end(study, folder / str(case))
+        except FAULTS as error:
+            raise AssertionError(f"case {case}: {data!r}") from error
+        if ran == runs:
+            return
+    raise AssertionError(f"{ran} of {40 * runs} cases are accepted")
+
+
+def run_to_an_end(study: Study, out: Path) -> None:
+    try:
+        finished = run_study(study, out, RunOptions(realisations=2))
+    except InputError as error:
+        in_words(error)
+        return
+    rows = toy.table(out, "realisations")
+    assert len(rows) == 2 * len(study.variant_names) * len(study.scenarios)
+    failed = rows["status"] == "failed"
+    assert failed.sum() == rows["failure"].notna().sum() == finished.n_failed
+    days = rows["tamping_interval_days"].fillna(rows["censored_at_days"])[~failed]
+    assert (np.isfinite(days) & (days > 0.0)).all()
+    assert np.isfinite(rows.loc[~failed, ["sd_initial_mm", "sd_final_mm", "passages"]]).all(
+        axis=None
+    )
+
+
+def test_what_is_accepted_runs(fresh_cache, tmp_path):
+    fuzz_runs(tmp_path, 5, 0)
+
+
+@pytest.mark.slow
+def test_very_many_that_are_accepted_run(fresh_cache, tmp_path):
+    fuzz_runs(tmp_path, 150, 1_000_000)
 
 
 KEYS = st.sampled_from(
@@ -195,13 +242,18 @@ def test_bombs_are_refused_in_time(name, tmp_path):
     assert len(str(told.value)) < 20_000
 
 
-def test_nothing_of_a_study_is_run(tmp_path):
+@pytest.mark.parametrize(
+    ("line", "key"),
+    [("title = .*", "title"), ("seed = 1", "seed"), ('model = "beam"', "model"), ("sd_mm = .*", "file")],
+)  # fmt: skip
+def test_nothing_of_a_study_is_run(tmp_path, line, key):
     """Not even what looks like it: names, templates, paths are texts."""
     mark = tmp_path / "mark"
     evil = f"__import__('pathlib').Path({str(mark)!r}).touch()"
     text = (ROOT / "studies" / "toy.toml").read_text(encoding="utf-8")
-    for line in ('title = "', 'seed = "', '[track]\nmodel = "'):
-        refused_or_sound(text.replace(line.split("\n")[-1], line.split("\n")[-1] + evil).encode())
+    changed, n = re.subn(f"(?m)^{line}$", lambda _: f'{key} = "{evil}"', text, count=1)
+    assert n == 1
+    refused_or_sound(changed.encode())
     assert not mark.exists()
 
 
@@ -261,7 +313,7 @@ def fuzz_folders(results: Path, folder: Path, cases: int, start: int) -> None:
         try:
             with in_time():
                 compared(folder, whole, rng.random() < 0.3)
-        except Exception as error:
+        except FAULTS as error:
             raise AssertionError(f"case {case}: {done}") from error
 
 
@@ -355,17 +407,32 @@ def test_a_cache_is_never_unpickled(tmp_path):
     assert not mark.exists()
 
 
-def test_a_cache_that_would_fill_the_memory_is_refused(tmp_path):
+@pytest.mark.parametrize(("limit", "most"), [("LARGEST", 1_000), ("MOST_MEMBERS", 3)])
+def test_a_cache_that_would_fill_the_memory_is_refused(tmp_path, monkeypatch, limit, most):
+    """Whole files that could be read: only their size, or number of arrays, speaks against them."""
+    one, two = tmp_path / "section-1.npz", tmp_path / "transfer.npz"
+    write_arrays(one, {"x": np.zeros(1_000), "y": np.zeros(1), "z": np.zeros(1)})
+    save(toy.transfer(), two)
+    assert read_arrays(one, "thing", dict) is not None
+    assert load(two).digest == toy.transfer().digest
+    monkeypatch.setattr(npz, limit, most)
+    with pytest.warns(RuntimeWarning, match="more than any of ours"):
+        assert read_arrays(one, "thing", dict) is None
+    with pytest.raises(InputError, match="more than any of ours"):
+        load(two)
+
+
+def test_an_array_that_says_it_is_larger_than_the_memory_is_refused(tmp_path):
     path = tmp_path / "section-1.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         header = "{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }"
         text = header.ljust(117).encode() + b"\n"
         archive.writestr("a.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text)
-    for read in (lambda: load(path), lambda: read_arrays(path, "thing", dict)):
-        with in_time(), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with contextlib.suppress(InputError):
-                assert read() is None
+    with in_time():
+        with pytest.warns(RuntimeWarning, match="damaged"):
+            assert read_arrays(path, "thing", dict) is None
+        with pytest.raises(InputError, match="damaged"):
+            load(path)
 
 
 def fuzz_caches(folder: Path, cases: int, start: int) -> None:
@@ -403,19 +470,47 @@ def test_very_many_damaged_caches(tmp_path):
 # --- network --------------------------------------------------------------------------------------
 
 
-def test_no_network_unless_a_url_was_given(tmp_path, toy_path):
-    """A run, from study to summary, in a process that may not open a socket to anywhere."""
-    code = (
-        "import socket, sys\n"
-        "def refuse(*a, **k):\n"
-        "    raise SystemExit('network')\n"
-        "socket.socket.connect = socket.create_connection = socket.getaddrinfo = refuse\n"
-        "from mcsettle.cli.app import main\n"
-        "main()\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, "check", str(toy_path)],
-        capture_output=True, text=True, check=False, env=os.environ | {"MCSETTLE_CACHE": str(tmp_path)},
+NETWORK = 97  # exit code of a process that would have used it
+ALONE = f"""
+import json, os, sys
+
+def forbid(event, arguments):
+    if event.startswith(("socket.connect", "socket.bind", "socket.send", "socket.get", "urllib.")):
+        if event != "socket.gethostname":
+            os.write(2, event.encode())
+            os._exit({NETWORK})  # nothing can take it for a fault of its own and go on
+
+sys.addaudithook(forbid)
+from mcsettle.storage import location
+location.Bucket.__init__ = lambda *_: forbid("socket.connect", "by pyarrow")  # not seen by the hook
+from mcsettle.cli.app import app
+for words in json.loads(sys.argv[1]):
+    app(words, standalone_mode=False)
+"""
+
+
+def alone(folder: Path, *commands: list[str]) -> subprocess.CompletedProcess[str]:
+    """Commands in a process that may not look for another machine."""
+    return subprocess.run(
+        [sys.executable, "-c", ALONE, json.dumps(commands)],
+        capture_output=True, text=True, check=False, cwd=folder,
+        env=os.environ | {"MCSETTLE_CACHE": str(folder / "cache"), "MCSETTLE_KERNELS": KERNELS},
     )  # fmt: skip
+
+
+def test_no_network_unless_a_url_was_given(tmp_path):
+    """From study to report, Step A included, and every table: all on this machine."""
+    (tmp_path / "study.toml").write_text(resolved_toml(toy.study()), encoding="utf-8")
+    run = ["run", "study.toml", "--out", "out", "--realisations", "2"]
+    reading = [["status", "out"], ["summarise", "out"], ["compare", "out", "out"],
+               ["report", "out", "--no-step-a"], ["export", "out", "--csv", "csv"]]  # fmt: skip
+    done = alone(tmp_path, ["check", "study.toml"], run, *reading)
     assert done.returncode == 0, done.stderr
-    assert json.dumps(done.stdout)
+    assert (tmp_path / "out.html").stat().st_size > 10_000
+    assert list((tmp_path / "csv").glob("*.csv"))
+
+
+def test_a_url_that_was_given_is_looked_for(tmp_path):
+    """The same guard sees it."""
+    done = alone(tmp_path, ["status", "s3://bucket/run"])
+    assert (done.returncode, done.stderr) == (NETWORK, "socket.connect")
