@@ -20,12 +20,18 @@ from mcsettle.railway.text_files import (
     refused,
     sniffed,
 )
+from mcsettle.storage.files import n_lines, packed_as
+from mcsettle.storage.parquet import read_columns
 
 if TYPE_CHECKING:
     from mcsettle.railway.read_record import RecordFormat
 
 HEAD = 1_000_000  # bytes in which the heading must end
+LARGEST_READ = 1024**3  # bytes of a Parquet file's columns in memory
+LARGEST_DAMAGED = 50_000_000  # bytes of a damaged table that are searched for its faults
+MOST_BELOW = 1000  # lines of a file beyond its rows: headings, remarks
 LOOKED_AT = 60  # lines that tell how a table is written
+LONGEST_TEXT = 80  # characters of a run's name
 MOST_NAMED = 20  # columns listed in a message
 
 
@@ -52,10 +58,15 @@ class Cells:
         return texts, [int(i) + self.first_line for i in rows]
 
     def texts(self, name: str) -> np.ndarray:
-        """Texts [N] of a column, each of 80 characters at most."""
+        """Texts [N] of a column, each of ``LONGEST_TEXT`` characters at most."""
         column = self.columns[name]
-        values = column.tolist() if isinstance(column, np.ndarray) else column.to_pylist()
-        return np.array([str(value)[:80] for value in values], dtype=object)
+        if isinstance(column, np.ndarray):
+            return np.array([str(value)[:LONGEST_TEXT] for value in column], dtype=object)
+        # Each different text once, however many rows repeat it.
+        packed = column.dictionary_encode(null_encoding="encode").unify_dictionaries()
+        texts = [str(value)[:LONGEST_TEXT] for value in packed.chunk(0).dictionary.to_pylist()]
+        places = [chunk.indices.to_numpy() for chunk in packed.chunks]
+        return np.array(texts, dtype=object)[np.concatenate(places)]
 
 
 def is_parquet(path: Path) -> bool:
@@ -79,12 +90,10 @@ def parquet_cells(path: Path, wanted: Mapping[str, str], most_rows: int) -> Cell
     try:
         with pq.ParquetFile(path) as source:
             names = list(source.schema_arrow.names)
-            read.faults += _name_faults(wanted, names)
-            if source.metadata.num_rows > most_rows:
-                raise InputError(f"{path} has {source.metadata.num_rows} rows; at most {most_rows}")
-            if read.faults:
-                return read
-            table = source.read(columns=list(wanted.values()))
+        read.faults += _name_faults(wanted, names)
+        if read.faults:
+            return read
+        table = read_columns(path, list(wanted.values()), most_rows, LARGEST_READ)
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
         raise InputError(
             f"{path} begins as Parquet and is no sound Parquet file: it is damaged or was not "
@@ -92,7 +101,7 @@ def parquet_cells(path: Path, wanted: Mapping[str, str], most_rows: int) -> Cell
         ) from None
     for key, name in wanted.items():
         column = table[name]
-        if key == "run_column" or pa.types.is_string(column.type):
+        if key == "run_column" or pa.types.is_dictionary(column.type):
             read.columns[name] = _texts(column)
         elif pa.types.is_floating(column.type) or pa.types.is_integer(column.type):
             read.columns[name] = np.asarray(column.cast(pa.float64()).to_numpy(), dtype=float)
@@ -114,6 +123,13 @@ def csv_cells(path: Path, layout: "RecordFormat", most_rows: int) -> Cells:
     """
     import pyarrow as pa
 
+    packed = packed_as(path)
+    if packed is not None:
+        raise InputError(
+            f"{path} is packed ({packed}); unpack it, and name the file that was in it"
+        )
+    if (n := n_lines(path)) > most_rows + MOST_BELOW:
+        raise InputError(f"{path.name} has {n} lines; at most {most_rows} rows are read")
     with path.open("rb") as source:
         head = source.read(HEAD)
     lines = _lines(path, head, layout.encoding)
@@ -232,7 +248,8 @@ def _table(
     )
     parsing = arrow_csv.ParseOptions(delimiter=SEPARATORS[separator])
     try:
-        table = arrow_csv.read_csv(path, reading, parsing, turning)
+        with pa.OSFile(str(path)) as source:  # a path that ends in .gz would be unpacked
+            table = arrow_csv.read_csv(source, reading, parsing, turning)
     except UnicodeDecodeError as error:
         raise refused(path, [foreign_bytes(path.read_bytes(), error)]) from None
     return {name: table[str(place)] for name, place in places.items()}
@@ -249,7 +266,8 @@ def _line_by_line(
     """Fill ``read`` with the lines of a damaged table that have ``n`` cells; say what others have."""
     import pyarrow as pa
 
-    data = path.read_bytes()
+    with path.open("rb") as source:  # the rest of a large one would add nothing to its faults
+        data = source.read(LARGEST_DAMAGED)
     try:
         lines = decoded(data, encoding).splitlines(keepends=True)
     except InputError as error:
@@ -262,7 +280,7 @@ def _line_by_line(
         for row in reader:
             line = reader.line_num + read.first_line - 1
             if len(row) == n:
-                rows.append(row)
+                rows.append([row[place] for place in places.values()])
                 read.lines.append(line)
             elif row:
                 ragged.append((line, len(row)))
@@ -271,6 +289,8 @@ def _line_by_line(
             f"behind line {reader.line_num + read.first_line - 1} the cells cannot be told apart: a "
             "quotation mark is opened and never closed; export the table again, without quotes"
         )
+    if len(data) == LARGEST_DAMAGED and not ragged:
+        read.faults.append("lines have another number of cells than the heading; export it again")
     if ragged:
         line, cells_there = ragged[0]
         read.faults.append(
@@ -278,7 +298,7 @@ def _line_by_line(
             f"than the heading ({n}), first line {line} ({cells_there})"
         )
     read.columns = {
-        name: pa.array([row[place] for row in rows], pa.string()) for name, place in places.items()
+        name: pa.array([row[i] for row in rows], pa.string()) for i, name in enumerate(places)
     }
 
 

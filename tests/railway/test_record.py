@@ -1,5 +1,7 @@
 """Reading a measured record: units, separators, runs, and what is wrong with it."""
 
+import bz2
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -172,3 +174,38 @@ def test_any_bytes_end_in_a_record_or_a_refusal(tmp_path_factory, content: bytes
     except InputError:
         return
     assert all(np.all(np.isfinite(run.level)) for run in runs)
+
+
+# --- limits ---------------------------------------------------------------------------------------
+
+
+def test_a_record_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
+    """By what it takes when it is read, not by what it takes on disk."""
+    rows = 200_000
+    text = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, np.int32)), ["a" * 10_000])
+    x = np.arange(rows, dtype=float)
+    path = tmp_path / "record.parquet"
+    pq.write_table(pa.table({"run": text, "chainage_m": x, "level_mm": np.zeros(rows)}), path)
+    layout = RecordFormat(run_column="run")
+    with pytest.raises(InputError, match=r"asks for 2004\d* bytes of text in 200000 rows"):
+        read_record(path, layout)
+
+
+@pytest.mark.parametrize(("ending", "pack"), [("gz", gzip.compress), ("bz2", bz2.compress)])
+def test_a_packed_record_is_not_unpacked(tmp_path: Path, ending: str, pack) -> None:
+    path = tmp_path / f"record.csv.{ending}"
+    path.write_bytes(pack(b"chainage_m,level_mm\n" + b"1,1\n" * 1_000_000))
+    with pytest.raises(InputError, match=r"is packed \(.*unpack it, and name the file"):
+        read_record(path, RecordFormat())
+
+
+def test_lines_are_counted_before_they_are_read(tmp_path: Path, monkeypatch) -> None:
+    from mcsettle.railway import read_record as reading
+    from mcsettle.railway import record_table
+
+    monkeypatch.setattr(reading, "MOST_ROWS", 10)
+    monkeypatch.setattr(record_table, "_table", None)
+    path = tmp_path / "record.csv"
+    path.write_bytes(b"chainage_m,level_mm\n" + b",\n" * 2000)
+    with pytest.raises(InputError, match="has 2001 lines; at most 10 rows are read"):
+        read_record(path, RecordFormat())
