@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mcsettle.cli.terminal import refuse_url
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ def checked_picture(path: Path) -> Path:
     InputError
         It does not.
     """
+    refuse_url(path, "--picture")
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"--picture {path}: choose a name that ends in {', '.join(FORMATS)}")
     return path

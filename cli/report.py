@@ -5,7 +5,9 @@ from typing import Annotated
 
 import typer
 
-from mcsettle.cli.terminal import Progress, cores, plainly, talk
+from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, refuse_url, talk
+from mcsettle.errors import InputError
+from mcsettle.storage.files import is_url
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.")]
 
@@ -43,6 +45,10 @@ def report(
     from mcsettle.storage.files import write_file
 
     target = checked_file(out or beside(folder, ".html"), ".html")
+    if markdown is not None:
+        refuse_url(markdown, "--markdown")
+    if figures is not None:
+        checked_folder(figures, "--figures")
     if pdf:
         from mcsettle.report.pdf import find_browser
 
@@ -81,14 +87,13 @@ def export(
     ] = None,
 ) -> None:
     """Write summary, effects, inputs and provenance for workbooks: XLSX, or CSV."""
-    from mcsettle.cli.terminal import checked_folder
     from mcsettle.report.export import write_csv, write_xlsx
     from mcsettle.report.material import read_material
 
     if csv is not None:
         checked_folder(csv, "--csv")
     if xlsx is not None or csv is None:
-        xlsx = checked_file(xlsx or beside(folder, ".xlsx"), ".xlsx", "--xlsx")
+        xlsx = checked_file(xlsx or beside(folder, ".xlsx", "--xlsx"), ".xlsx", "--xlsx")
     material = read_material(folder)
     if csv is not None:
         written = write_csv(material, csv)
@@ -117,8 +122,19 @@ def compare(
         print_comparison(found)
 
 
-def beside(folder: Path, ending: str) -> Path:
-    """A file beside the folder of a run: nothing is added to what the manifest lists."""
+def beside(folder: Path, ending: str, option: str = "--out") -> Path:
+    """A file beside the folder of a run: nothing is added to what the manifest lists.
+
+    Raises
+    ------
+    InputError
+        The run is in an object store.
+    """
+    if is_url(folder):
+        raise InputError(
+            f"the results are in a store, and nothing is written there; name a file of this machine "
+            f"({option} FILE{ending})"
+        )
     whole = folder.absolute()
     return whole.with_name(whole.name + ending)
 
@@ -131,8 +147,7 @@ def checked_file(path: Path, ending: str, option: str = "--out") -> Path:
     InputError
         Another ending, or a folder stands there.
     """
-    from mcsettle.errors import InputError
-
+    refuse_url(path, option)
     if path.suffix.lower() != ending:
         raise InputError(f"{option} {path}: choose a name that ends in {ending}")
     if path.is_dir():

@@ -19,6 +19,7 @@ import typer
 
 from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
 from mcsettle.storage.files import is_url
+from mcsettle.storage.location import Folder, place
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -72,6 +73,21 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
     return wrapped
 
 
+def refuse_url(path: Path, option: str) -> None:
+    """Refuse a URL where files of this machine are written.
+
+    Raises
+    ------
+    InputError
+        ``path`` is one.
+    """
+    if is_url(path):
+        raise InputError(
+            f"{option}: a URL is no file of this machine, and nothing is written there; name a file or "
+            "folder here and copy it to the store"
+        )
+
+
 def checked_folder(path: Path, option: str = "--out") -> Path:
     """``path`` if a run can write there; it is not created here.
 
@@ -80,6 +96,7 @@ def checked_folder(path: Path, option: str = "--out") -> Path:
     InputError
         A file stands there, or its nearest existing parent cannot be written to.
     """
+    refuse_url(path, option)
     if path.exists() and not path.is_dir():
         raise InputError(f"{option} {path} is a file; name a folder")
     parent = next(p for p in (path, *path.absolute().parents) if p.exists())
@@ -100,8 +117,9 @@ def checked_out(out: str) -> None:
     InputError
         As ``checked_folder``.
     """
-    if not is_url(out):
-        checked_folder(Path(out))
+    at = place(out)
+    if isinstance(at, Folder):
+        checked_folder(at.path)
 
 
 def own_folders(studies: list[Path], out: str) -> list[str]:
@@ -120,7 +138,8 @@ def own_folders(studies: list[Path], out: str) -> list[str]:
             f"{', '.join(twice)}: several study files of this name; their results would go to one "
             "folder. Run them one by one, or rename one"
         )
-    return [f"{out.rstrip('/')}/{name}" for name in names]
+    where, mark, options = out.partition("?") if is_url(out) else (out, "", "")
+    return [f"{where.rstrip('/')}/{name}{mark}{options}" for name in names]
 
 
 def with_cache(cache: str | None) -> None:

@@ -19,16 +19,16 @@ from mcsettle.errors import InputError
 ASIDE = ".tmp"  # unfinished files of a results folder
 UNFINISHED = ".part"  # how their names end
 LONGEST_NAME = 150  # bytes of a name that is written out in that of its unfinished file
-URL = re.compile(r"(s3|gs|gcs|abfs|abfss):/{1,2}(?=[^/])")
+URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/{1,3}(?=[^/])")  # C:/ is none
 
 
 def is_url(where: object) -> bool:
-    """Whether ``where`` names an object store; a URL that went through pathlib lost one slash.
+    """Whether ``where`` is a URL, served or not; one that went through pathlib has lost a slash.
 
     Examples
     --------
-    >>> is_url("s3://bucket/run"), is_url("s3:/bucket/run"), is_url("results/s3")
-    (True, True, False)
+    >>> is_url("s3://bucket/run"), is_url("s3:/bucket/run"), is_url("results/s3"), is_url("C:/run")
+    (True, True, False, False)
     """
     return URL.match(str(where)) is not None
 

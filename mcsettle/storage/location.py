@@ -7,10 +7,12 @@ was given. What is read is bounded in size and number: folders come from others 
 
 import contextlib
 import os
+import socket
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl
 
 from mcsettle.errors import InputError
 from mcsettle.storage.files import (
@@ -18,7 +20,6 @@ from mcsettle.storage.files import (
     UNFINISHED,
     URL,
     inside,
-    is_url,
     read_regular,
     refuse_link,
     writable,
@@ -32,6 +33,8 @@ DEEPEST = 8  # folders below a results folder; ours are one deep
 # How long Google's client tries again [s], which is a quarter of an hour unless told: until it has
 # been answered once, when URL and credentials are probably wrong, and from then on.
 FIRST_PATIENCE, PATIENCE = 1, 60
+CONNECT, ANSWER = 2.0, 3.0  # s that a first contact waits for a connection, and for an answer
+SCHEMES = ("s3", "gs", "gcs", "abfs", "abfss")
 
 
 class Place(ABC):
@@ -186,28 +189,26 @@ class Bucket(Place):
     def __init__(self, url: str) -> None:
         from pyarrow import ArrowException, fs
 
-        self.where = URL.sub(lambda found: f"{found[1]}://", url).rstrip("/")
+        self.where = url
         uri = self.where.replace("gcs://", "gs://", 1)
         limited = uri.startswith("gs://") and "retry_limit_seconds" not in uri
         limit = ("&" if "?" in uri else "?") + "retry_limit_seconds="
         try:
+            if limited:
+                _refuse_silent(uri)
             first = f"{uri}{limit}{FIRST_PATIENCE}" if limited else uri
             self.store, self.prefix = fs.FileSystem.from_uri(first)
             patient = f"{uri}{limit}{PATIENCE}"
             self.patient = fs.FileSystem.from_uri(patient)[0] if limited else None
+            if uri.startswith("s3://"):
+                self.patient, self.store = self.store, _impatient(self.store)
         except (ArrowException, OSError, ValueError) as error:
             raise InputError(f"{self.shown} cannot be used: {error}") from None
 
     @property
     def shown(self) -> str:
-        """The URL without what follows a question mark or precedes an at sign: keys may stand there.
-
-        Azure's container stands there too, and is kept.
-        """
-        scheme, _, rest = self.where.partition("://")
-        owner, at, path = rest.partition("?")[0].rpartition("@")
-        kept = scheme.startswith("abfs") and ":" not in owner
-        return f"{scheme}://{owner + at if kept else ''}{path}"
+        """The URL without its secrets."""
+        return shown(self.where)
 
     def __str__(self) -> str:
         return self.shown
@@ -283,6 +284,50 @@ class Bucket(Place):
             self.store, self.patient = self.patient, None
 
 
+def shown(url: str) -> str:
+    """A URL without what follows a question mark or precedes an at sign: keys may stand there.
+
+    Azure's container stands there too, and is kept.
+    """
+    scheme, slashes, rest = url.rpartition("://")
+    owner, at, path = rest.partition("?")[0].rpartition("@")
+    kept = scheme.startswith("abfs") and ":" not in owner
+    return f"{scheme}{slashes}{owner + at if kept else ''}{path}"
+
+
+def _impatient(store: Any) -> Any:
+    """The same S3 store for a first contact: one that never answers is soon said to."""
+    from pyarrow import fs
+
+    options = dict(store.__reduce__()[1][0])  # what another process is given to make it
+    options |= {"connect_timeout": CONNECT, "request_timeout": ANSWER}
+    return fs.S3FileSystem(**options, retry_strategy=fs.AwsStandardS3RetryStrategy(max_attempts=2))
+
+
+def _refuse_silent(url: str) -> None:
+    """Refuse a server, where the URL names one, that takes connections and does not answer them.
+
+    Google's client would wait for two minutes, whatever it is told.
+
+    Raises
+    ------
+    OSError
+        It does not answer.
+    """
+    options = dict(parse_qsl(url.partition("?")[2]))
+    server = options.get("endpoint_override")
+    if server is None:
+        return
+    secure = options.get("scheme", "https") != "http"
+    host, _, port = server.rpartition("://")[2].partition(":")
+    address = (host, int(port) if port.isdigit() else 443 if secure else 80)
+    with socket.create_connection(address, timeout=CONNECT) as line:
+        line.settimeout(ANSWER)
+        if not secure:
+            line.sendall(f"HEAD / HTTP/1.1\r\nHost: {server}\r\n\r\n".encode())
+            line.recv(1)
+
+
 Where = Path | str | Place
 
 
@@ -292,8 +337,22 @@ def place(where: Where) -> Place:
     Raises
     ------
     InputError
-        A URL that pyarrow cannot serve.
+        A URL that pyarrow cannot serve, or of another kind; an empty name.
     """
     if isinstance(where, Place):
         return where
-    return Bucket(str(where)) if is_url(where) else Folder(Path(where))
+    text = str(where)
+    if not text:
+        raise InputError("the folder's name is empty; give a name, or '.' for the current folder")
+    url = URL.match(text)
+    if url is None:
+        return Folder(Path(where))
+    scheme, rest = url[1].lower(), text[url.end() :].rstrip("/")
+    if scheme not in SCHEMES:
+        remedy = (
+            f"did you mean s3://{shown(rest)}?"
+            if scheme.startswith("s3")
+            else ("give a folder, or a URL that begins with s3://, gs:// or abfs://")
+        )
+        raise InputError(f"{scheme}:// is not served here; {remedy}")
+    return Bucket(f"{scheme}://{rest}")
