@@ -11,6 +11,10 @@ from mcsettle.storage.files import is_url
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.")]
 
+Force = Annotated[
+    bool, typer.Option("--force", help="Replace files that are not this study's own.")
+]
+
 
 @plainly
 def report(
@@ -37,39 +41,49 @@ def report(
     pdf: Annotated[
         bool, typer.Option("--pdf", help="Also print the page to PDF (extra 'pdf').")
     ] = False,
+    force: Force = False,
 ) -> None:
     """Write the report of a run: one HTML file that needs nothing else."""
     from mcsettle.report.build import read_report
     from mcsettle.report.render import html
     from mcsettle.report.render import markdown as as_markdown
-    from mcsettle.storage.files import write_file
+    from mcsettle.storage.marks import refuse_others, write_marked
+    from mcsettle.summary.results import folder_of_run, study_of
 
     target = checked_file(out or beside(folder, ".html"), ".html")
     if markdown is not None:
         refuse_url(markdown, "--markdown")
     if figures is not None:
         checked_folder(figures, "--figures")
+    study, files = study_of(folder_of_run(folder)).identity, dict[Path, bytes]()
+    targets = [
+        target,
+        *([markdown] if markdown else []),
+        *([target.with_suffix(".pdf")] if pdf else []),
+    ]
+    refuse_others(targets, study, force)  # before anything takes its time
     if pdf:
         from mcsettle.report.pdf import find_browser
 
-        find_browser()  # before anything takes its time
+        find_browser()
     page = read_report(folder, variant, miles, not no_step_a, tornado, Progress(), cores())
     text = html(page)
-    written = [write_file(target, text.encode("utf-8"))]
+    files[target] = text.encode("utf-8")
     if markdown is not None:
-        written.append(write_file(markdown, as_markdown(page).encode("utf-8")))
+        files[markdown] = as_markdown(page).encode("utf-8")
     if figures is not None:
         from mcsettle.report.figures.forms import forms_figure
-        from mcsettle.report.figures.style import METADATA, save
+        from mcsettle.report.figures.style import METADATA, files_of
 
         if page.bars is not None:
-            written += save(forms_figure(page.bars), figures, "answer", tuple(METADATA))
+            files |= files_of(forms_figure(page.bars), figures, "answer", tuple(METADATA))
         for picture in page.pictures:
-            written += save(picture.figure, figures, picture.name, tuple(METADATA))
+            files |= files_of(picture.figure, figures, picture.name, tuple(METADATA))
     if pdf:
         from mcsettle.report.pdf import print_pdf
 
-        written.append(write_file(target.with_suffix(".pdf"), print_pdf(text)))
+        files[target.with_suffix(".pdf")] = print_pdf(text)
+    written = write_marked(files, study, force)
     for path in written[:4]:
         talk(f"Wrote {path}")
     if len(written) > 4:
@@ -85,6 +99,7 @@ def export(
     csv: Annotated[
         Path | None, typer.Option(help="Folder for CSV files, written instead of a workbook.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write summary, effects, inputs and provenance for workbooks: XLSX, or CSV."""
     from mcsettle.report.export import write_csv, write_xlsx
@@ -96,10 +111,10 @@ def export(
         xlsx = checked_file(xlsx or beside(folder, ".xlsx", "--xlsx"), ".xlsx", "--xlsx")
     material = read_material(folder)
     if csv is not None:
-        written = write_csv(material, csv)
+        written = write_csv(material, csv, force)
         talk(f"Wrote {len(written)} files to {csv}")
     if xlsx is not None:
-        for remark in write_xlsx(material, xlsx):
+        for remark in write_xlsx(material, xlsx, force):
             talk(f"remark: {remark}")
         talk(f"Wrote {xlsx}")
 

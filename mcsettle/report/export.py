@@ -18,17 +18,17 @@ import pandas as pd
 
 from mcsettle.errors import InputError
 from mcsettle.report.material import Material, rows_digest
+from mcsettle.report.outgoing import csv_cell, plain
 from mcsettle.report.register import entries
-from mcsettle.report.words import plain
 from mcsettle.run.columns import summary_columns
-from mcsettle.storage.files import write_file
+from mcsettle.storage.marks import NAME, write_marked
 from mcsettle.storage.tables import TABLES
 from mcsettle.units import MGT
 
 MOST_ROWS = 1_048_575  # of a worksheet, its heading left out
+LARGEST_WHOLE = 2**53  # that a double holds with all smaller ones
 MOST_TEXT = 32_767  # characters of a cell
 CREATED = datetime.datetime(2000, 1, 1)  # a workbook wants a date; the same every time
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True)
@@ -55,32 +55,33 @@ def sheets(material: Material) -> list[Sheet]:
     return [sheet for sheet in found if sheet.columns]
 
 
-def write_csv(material: Material, folder: Path) -> list[Path]:
-    """One CSV file (UTF-8, RFC 4180) a table in ``folder``.
+def write_csv(material: Material, folder: Path, force: bool = False) -> list[Path]:
+    """One CSV file (UTF-8, RFC 4180) a table in ``folder``; ``about.csv`` bears the study's mark.
 
     Raises
     ------
     InputError
-        The folder cannot be written.
+        The folder cannot be written, or holds others' files of these names (not so with ``force``).
     """
-    written = []
+    files = {}
     for sheet in sheets(material):
         stream = io.StringIO()
         writer = csv.writer(stream)
         writer.writerow(sheet.columns)
         for row in sheet.rows:
             writer.writerow([_csv_cell(value) for value in row])
-        written.append(write_file(folder / f"{sheet.name}.csv", stream.getvalue().encode()))
-    return written
+        files[folder / f"{sheet.name}.csv"] = stream.getvalue().encode()
+    return write_marked(files, material.study.identity, force)
 
 
-def write_xlsx(material: Material, path: Path) -> list[str]:
+def write_xlsx(material: Material, path: Path, force: bool = False) -> list[str]:
     """One workbook; returns remarks on tables that are too long for a sheet.
 
     Raises
     ------
     InputError
-        The extra is not installed, or the file cannot be written.
+        The extra is not installed, the file cannot be written, or another's stands there (not so with
+        ``force``).
     """
     try:
         import xlsxwriter
@@ -95,6 +96,7 @@ def write_xlsx(material: Material, path: Path) -> list[str]:
                "strings_to_numbers": False, "nan_inf_to_errors": False}  # fmt: skip
     with xlsxwriter.Workbook(buffer, options) as book:
         book.set_properties({"title": plain(material.study.title)[:200], "created": CREATED})
+        book.set_custom_property(NAME, material.study.identity)
         bold = book.add_format({"bold": True, "text_wrap": True, "valign": "top"})
         for sheet in sheets(material):
             rows = sheet.rows[:MOST_ROWS]
@@ -104,7 +106,7 @@ def write_xlsx(material: Material, path: Path) -> list[str]:
                     "export to CSV for all"
                 )
             _fill(book.add_worksheet(sheet.name), sheet.columns, rows, bold)
-    write_file(path, buffer.getvalue())
+    write_marked({path: buffer.getvalue()}, material.study.identity, force)
     return remarks
 
 
@@ -120,6 +122,8 @@ def _fill(page: Any, columns: tuple[str, ...], rows: Iterable[tuple[Any, ...]], 
                 continue
             if isinstance(value, bool):
                 page.write_boolean(line, place, value)
+            elif isinstance(value, int) and abs(value) > LARGEST_WHOLE:
+                page.write_string(line, place, str(value))  # a workbook would round it
             elif isinstance(value, int | float):
                 page.write_number(line, place, value)
             else:
@@ -145,7 +149,7 @@ def _cell(value: Any) -> Any:
 def _csv_cell(value: Any) -> Any:
     """As ``_cell``; a text that a spreadsheet would take for a formula gets an apostrophe."""
     cell = _cell(value)
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
+    return csv_cell(cell) if isinstance(cell, str) else cell
 
 
 def _frame(name: str, table: pd.DataFrame) -> Sheet:
@@ -167,6 +171,7 @@ def _about(material: Material) -> Sheet:
     rows += [("realisations", material.n_tracks), ("parameter sets", material.n_sets)]
     for name in ("realisations", "history", "effects"):
         rows.append((f"digest of the rows of {name}", rows_digest(getattr(material.results, name))))
+    rows.append((NAME, study.identity))
     rows.append(("empty cells", "not reached, not identified, or without meaning for that row"))
     return Sheet("about", ("what", "value"), tuple(rows))
 

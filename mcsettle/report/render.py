@@ -4,17 +4,15 @@ No script, nothing loaded from elsewhere (a content security policy says so to t
 text escaped; pictures are inline SVG. The same page gives the same bytes.
 """
 
-import re
 from importlib.resources import files
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
+from mcsettle.report import outgoing
 from mcsettle.report.figures.style import page_svg
 from mcsettle.report.page import Bars, Bullets, Columns, Lead, Page, Table, Text
 from mcsettle.report.price_words import USE
-
-CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 
 
 def html(page: Page) -> str:
@@ -38,10 +36,10 @@ def html(page: Page) -> str:
 
 def markdown(page: Page, sections: tuple[str, ...] = ()) -> str:
     """Texts and tables of the page, or of the named sections, as Markdown."""
-    lines = [f"# {_escaped(page.title)}", ""]
+    lines = [f"# {outgoing.markdown(page.title)}", ""]
     parts = [s for s in page.sections if not sections or s.key in sections]
     if not sections:
-        lines += [f"**{_escaped(page.question)}**", "", _escaped(page.scope), ""]
+        lines += [f"**{outgoing.markdown(page.question)}**", "", outgoing.markdown(page.scope), ""]
         lines += [line for block in page.answer for line in _lines(block)]
     for section in parts:
         lines += [f"## {section.title}", ""]
@@ -51,23 +49,23 @@ def markdown(page: Page, sections: tuple[str, ...] = ()) -> str:
 
 def _lines(block: object) -> list[str]:
     if isinstance(block, Text):
-        return [_escaped(block.text), ""]
+        return [outgoing.markdown(block.text), ""]
     if isinstance(block, Lead):
         worth = f" Supported: {USE[block.verdict]} ({block.reason})." if block.verdict else ""
-        return [_escaped(block.text + worth), ""]
+        return [outgoing.markdown(block.text + worth), ""]
     if isinstance(block, Columns):
         return [line for part in block.parts for inner in part for line in _lines(inner)]
     if isinstance(block, Bars):
         return _lines(_as_table(block))
     if isinstance(block, Bullets):
-        head = [f"**{_escaped(block.title)}**", ""] if block.title else []
-        return [*head, *(f"- {_escaped(entry)}" for entry in block.entries), ""]
+        head = [f"**{outgoing.markdown(block.title)}**", ""] if block.title else []
+        return [*head, *(f"- {outgoing.markdown(entry)}" for entry in block.entries), ""]
     if isinstance(block, Table):
         rule = ["---" if i < block.n_text else "---:" for i in range(len(block.head))]
         filled = ((*row, *("",) * (len(block.head) - len(row))) for row in block.rows)
         rows = [_row(block.head), _row(tuple(rule)), *(_row(row) for row in filled)]
-        note = [_escaped(block.note), ""] if block.note else []
-        title = [f"**{_escaped(block.caption)}**", ""] if block.caption else []
+        note = [outgoing.markdown(block.note), ""] if block.note else []
+        title = [f"**{outgoing.markdown(block.caption)}**", ""] if block.caption else []
         return [*title, *rows, "", *note]
     return []
 
@@ -83,19 +81,15 @@ def _as_table(bars: Bars) -> Table:
 
 
 def _row(cells: tuple[str, ...]) -> str:
-    return "| " + " | ".join(c if set(c) <= {"-", ":"} else _escaped(c) for c in cells) + " |"
-
-
-def _escaped(text: str) -> str:
-    for mark in "\\`*_|[]":
-        text = text.replace(mark, f"\\{mark}")
-    return text.replace("<", "&lt;").replace(">", "&gt;")
+    return (
+        "| " + " | ".join(c if set(c) <= {"-", ":"} else outgoing.markdown(c) for c in cells) + " |"
+    )
 
 
 def _sound(value: object) -> object:
     """Texts without the control characters that HTML does not allow."""
     if isinstance(value, str) and not isinstance(value, Markup):
-        return CONTROLS.sub("\ufffd", value)
+        return outgoing.html(value)
     return value
 
 

@@ -33,13 +33,14 @@ from mcsettle.report.figures.section import (
 )
 from mcsettle.report.figures.slice import DeflectionSlice, deflection_slice, slice_figure
 from mcsettle.report.figures.stress import along_figure, depth_figure, table4_figure
-from mcsettle.report.figures.style import save
+from mcsettle.report.figures.style import files_of
 from mcsettle.report.figures.vehicles import MODELS, VehiclePeaks, vehicle_peaks, vehicles_figure
+from mcsettle.report.outgoing import csv_cell
 from mcsettle.step_a.fem25d import SectionResponse
 from mcsettle.step_a.fem25d.centreline_field import CentrelineField
 from mcsettle.step_a.fem25d.track_section import track_grid
 from mcsettle.step_a.interaction import precompute
-from mcsettle.storage.files import write_file
+from mcsettle.storage.marks import NO_STUDY, write_marked
 from mcsettle.types import Progress
 from mcsettle.units import KMH, KPA
 
@@ -57,6 +58,8 @@ def draw_track(
     table: list[Increase],
     folder: Path,
     progress: Progress | None = None,
+    study: str = NO_STUDY,
+    force: bool = False,
 ) -> list[Path]:
     """Write all pictures (PNG, SVG) and tables (CSV) of a track; returns what was written.
 
@@ -66,23 +69,25 @@ def draw_track(
     rows, table
         The numbers of ``track_report``: written beside the pictures.
     folder : Path
-        Made if missing; files of the same names are replaced.
+        Made if missing.
     progress : callable, optional
+    study, force
+        The study's mark; files of the same names are replaced where they bear it, or with ``force``.
 
     Raises
     ------
     InputError
-        If the folder cannot be written.
+        The folder cannot be written, or holds others' files of these names.
     """
     pictures = track_figures(case, table)
-    written = _tables(case, rows, table, folder)
+    files = _tables(case, rows, table, folder)
     for done, (name, draw) in enumerate(pictures.items()):
         if progress is not None:
             progress("Pictures", done, len(pictures))
-        written += save(draw(), folder, name)
+        files |= files_of(draw(), folder, name)
     if progress is not None:
         progress("Pictures", len(pictures), len(pictures))
-    return written
+    return write_marked(files, study, force)
 
 
 def track_figures(case: TrackCase, table: list[Increase]) -> dict[str, Callable[[], Figure]]:
@@ -255,10 +260,12 @@ def _freight(case: TrackCase) -> Figure:
     return passage_figure(freight_passage(case), height, upper, note)
 
 
-def _tables(case: TrackCase, rows: list[Row], table: list[Increase], folder: Path) -> list[Path]:
+def _tables(
+    case: TrackCase, rows: list[Row], table: list[Increase], folder: Path
+) -> dict[Path, bytes]:
     """The report, stress by depth and Table 4 as CSV."""
     text = _csv(("quantity", "value", "unit"), rows)
-    written = [write_file(folder / "track.csv", text.encode())]
+    files = {folder / "track.csv": text.encode()}
     names = [name for name, _ in layer_tops(case.track)]
     by_depth = [
         (c.label, names[layer], float(z), float(q) / KPA, float(d) / KPA)
@@ -268,7 +275,7 @@ def _tables(case: TrackCase, rows: list[Row], table: list[Increase], folder: Pat
     header = (
         "train", "layer", "z_m", "quasi_static_overhead_kpa", "dynamic_rms_kpa",
     )  # fmt: skip
-    written.append(write_file(folder / "stress_depth.csv", _csv(header, by_depth).encode()))
+    files[folder / "stress_depth.csv"] = _csv(header, by_depth).encode()
     if table:
         header4 = (
             "scenario", "speed_kmh", "definition", "stress_kpa", "increase_percent",
@@ -279,13 +286,14 @@ def _tables(case: TrackCase, rows: list[Row], table: list[Increase], folder: Pat
              "" if r.published is None else r.published, r.source, DEFINITIONS[r.definition])
             for r in table
         ]  # fmt: skip
-        written.append(write_file(folder / "table4.csv", _csv(header4, entries).encode()))
-    return written
+        files[folder / "table4.csv"] = _csv(header4, entries).encode()
+    return files
 
 
 def _csv(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(header)
-    writer.writerows(rows)
+    for row in rows:
+        writer.writerow([csv_cell(value) if isinstance(value, str) else value for value in row])
     return stream.getvalue()

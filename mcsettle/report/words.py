@@ -1,9 +1,9 @@
 """Results and names in words: quantiles, bands, metrics and units as they are read."""
 
 import re
-import unicodedata
 
 from mcsettle.estimate.rounding import NOT_REACHED, number
+from mcsettle.report.outgoing import plain
 from mcsettle.summary.summary import SummaryRow
 
 DAYS = "tamping_interval_days"
@@ -18,12 +18,6 @@ METRICS = {
     "dynamic_stress_increase_percent": "increase of the dynamic stress",
 }
 MARKS = {DAYS: "days", "1": "", "d": "days"}
-
-
-def plain(text: str) -> str:
-    """``text`` on one line, without control characters."""
-    kept = (" " if c in "\n\t\r" else c for c in text)
-    return "".join(c if unicodedata.category(c) not in ("Cc", "Cs") else "\ufffd" for c in kept)
 
 
 def cut(text: str, length: int = 160) -> str:

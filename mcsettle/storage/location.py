@@ -321,11 +321,16 @@ def _refuse_silent(url: str) -> None:
     secure = options.get("scheme", "https") != "http"
     host, _, port = server.rpartition("://")[2].partition(":")
     address = (host, int(port) if port.isdigit() else 443 if secure else 80)
-    with socket.create_connection(address, timeout=CONNECT) as line:
-        line.settimeout(ANSWER)
-        if not secure:
-            line.sendall(f"HEAD / HTTP/1.1\r\nHost: {server}\r\n\r\n".encode())
-            line.recv(1)
+    try:
+        with socket.create_connection(address, timeout=CONNECT) as line:
+            line.settimeout(ANSWER)
+            if not secure:
+                line.sendall(f"HEAD / HTTP/1.1\r\nHost: {server}\r\n\r\n".encode())
+                line.recv(1)
+    except TimeoutError:
+        raise OSError(f"{server} does not answer within {ANSWER:g} s") from None
+    except OSError:  # the client says what is wrong
+        return
 
 
 Where = Path | str | Place

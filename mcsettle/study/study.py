@@ -387,6 +387,11 @@ class Study(StudyTables):
         )
 
     @property
+    def identity(self) -> str:
+        """SHA-256 [hex] of the study whatever its tracks: its reports and pictures are marked with it."""
+        return study_digest(self.model_copy(update={"seed": 0}), bool(self.fitted))
+
+    @property
     def priced(self) -> EconomicsTable | None:
         """The economics with base speed, trains a year and tonnage a day from the baseline."""
         if self.economics is None:

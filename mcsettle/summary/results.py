@@ -68,6 +68,20 @@ def read_results(folder: Where, finished: bool = True) -> Results:
     InputError
         The folder does not exist, holds no finished run, or a file of it is damaged or missing.
     """
+    at = folder_of_run(folder, finished)
+    wanted = ("realisations", "history", "effects", "weights")
+    tables = (_table(at, name) for name in wanted)
+    return Results(study_of(at), *tables)
+
+
+def folder_of_run(folder: Where, finished: bool = True) -> Place:
+    """The folder of a run, which has to be ``finished``.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist, or holds no such run.
+    """
     at = place(folder)
     if not at.exists():
         raise InputError(f"{at} is no folder; 'mcsettle run STUDY --out {at}' makes one")
@@ -82,9 +96,7 @@ def read_results(folder: Where, finished: bool = True) -> Results:
             f"{at} holds a run that is not finished; 'mcsettle status {at}' says what is missing, "
             "and the same run command goes on with it"
         )
-    wanted = ("realisations", "history", "effects", "weights")
-    tables = (_table(at, name) for name in wanted)
-    return Results(study_of(at), *tables)
+    return at
 
 
 def study_of(folder: Where) -> Study:

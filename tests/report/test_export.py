@@ -12,6 +12,7 @@ import polars as pl
 import pytest
 import toy
 
+from mcsettle.errors import InputError
 from mcsettle.report.export import sheets, write_csv, write_xlsx
 from mcsettle.report.material import Material, read_material
 from mcsettle.run.pipeline import run_study
@@ -113,3 +114,43 @@ def test_every_table_of_a_run_is_read_as_a_bare_folder(fresh_cache, tmp_path: Pa
                 one, two = (f[column].astype(object).where(f[column].notna(), None) for f in
                             (first, ordered))  # fmt: skip
                 assert one.tolist() == two.tolist(), f"{name}.{column}"
+
+
+def test_an_export_replaces_what_is_of_its_study_and_nothing_else(tmp_path: Path) -> None:
+    """Whatever the tracks; others' files stay as they are."""
+
+    def material_of(study, name: str) -> Material:
+        days = {"v201": [400.0, 500.0, 600.0], "v225": [300.0, 400.0, 500.0]}
+        return read_material(made_run.write(tmp_path / name, study, days))
+
+    one = material_of(made_run.study(), "one")
+    other_tracks = material_of(made_run.study(seed=9007199254740993), "two")
+    other_study = material_of(made_run.study(limit={"sd_limit_mm": 2.0}), "three")
+    path, folder = tmp_path / "out.xlsx", tmp_path / "csv"
+    for write in (
+        lambda material, **force: write_xlsx(material, path, **force),
+        lambda material, **force: write_csv(material, folder, **force),
+    ):
+        write(one)
+        write(other_tracks)
+        with pytest.raises(InputError, match="is there already and is of another study"):
+            write(other_study)
+        write(other_study, force=True)
+        with pytest.raises(InputError, match="is of another study"):
+            write(one)
+    path.write_bytes(b"precious")
+    (folder / "about.csv").write_bytes(b"precious")
+    with pytest.raises(InputError, match="is not written by mcsettle"):
+        write_xlsx(other_study, path)
+    with pytest.raises(InputError, match="is not written by mcsettle"):
+        write_csv(other_study, folder)
+    assert path.read_bytes() == (folder / "about.csv").read_bytes() == b"precious"
+
+
+def test_a_large_seed_is_the_same_in_every_sheet(tmp_path: Path) -> None:
+    seed = 2**53 + 1  # which no double holds
+    days = {"v201": [400.0, 500.0, 600.0], "v225": [300.0, 400.0, 500.0]}
+    folder = made_run.write(tmp_path / "run", made_run.study(seed=seed), days)
+    write_xlsx(read_material(folder), tmp_path / "out.xlsx")
+    about = openpyxl.load_workbook(tmp_path / "out.xlsx")["about"]
+    assert {row[0].value: row[1].value for row in about.rows}["seed"] == str(seed)

@@ -1,5 +1,6 @@
 """The report: right numbers, safe and the same bytes whatever the run; every input in the register."""
 
+import contextlib
 import re
 import tomllib
 from html.parser import HTMLParser
@@ -347,6 +348,41 @@ def test_markdown_has_every_table(speed_run: Path) -> None:
 # --- the command ----------------------------------------------------------------------------------
 
 
+def test_a_report_replaces_its_own_and_nothing_else(speed_run: Path, tmp_path: Path) -> None:
+    """Refused before anything is computed; a README of the user's stays as it is."""
+    page, text = tmp_path / "a.html", tmp_path / "README.md"
+    text.write_text("# precious\n", encoding="utf-8")
+    command = ("report", speed_run, "--no-step-a", "--out", page, "--markdown", text)
+    done = invoke(*command)
+    assert done.exit_code == 2
+    assert "README.md' is there already and is not written by mcsettle" in done.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["README.md"]
+    for options in (("--force",), ()):
+        assert invoke(*command, *options).exit_code == 0
+    assert text.read_text(encoding="utf-8").startswith("# Toy")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("report", "RUN", "--out", "s3://bucket/r.html"),
+        ("report", "RUN", "--markdown", "S3://bucket/r.md"),
+        ("report", "RUN", "--figures", "file:///x"),
+        ("export", "RUN", "--csv", "s3a://bucket/csv"),
+        ("export", "RUN", "--xlsx", "gs://bucket/r.xlsx"),
+        ("summarise", "RUN", "--picture", "abfs://bucket/r.png"),
+    ],
+)
+def test_files_for_people_are_not_said_to_be_in_a_store(
+    speed_run: Path, arguments, tmp_path
+) -> None:
+    with contextlib.chdir(tmp_path):
+        done = invoke(*(speed_run if a == "RUN" else a for a in arguments))
+    assert done.exit_code == 2
+    assert "a URL is no file of this machine" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def invoke(*arguments):
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
@@ -354,11 +390,14 @@ def invoke(*arguments):
 def test_report_command_writes_beside_the_folder(speed_run: Path, tmp_path: Path) -> None:
 
     from mcsettle.storage import manifest
+    from mcsettle.storage.marks import marked
+    from mcsettle.summary.results import study_of
 
     done = invoke("report", speed_run, "--no-step-a")
     assert done.exit_code == 0, done.output
     target = speed_run.with_name(speed_run.name + ".html")
-    assert target.read_text(encoding="utf-8") == page_of(speed_run)
+    study = study_of(speed_run).identity
+    assert target.read_bytes() == marked(page_of(speed_run).encode(), ".html", study)
     manifest.verify(speed_run)  # nothing was added to the results
     pictures, text = tmp_path / "pictures", tmp_path / "tables.md"
     done = invoke("report", speed_run, "--no-step-a", "--out", tmp_path / "a.html", "--figures",

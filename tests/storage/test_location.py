@@ -5,6 +5,7 @@ import re
 import socket
 import subprocess
 import sys
+import time
 import urllib.request
 from pathlib import Path
 
@@ -113,6 +114,41 @@ def test_a_url_survives_pathlib():
     assert isinstance(found, Bucket)
     assert str(found) == "s3://bucket/run"
     assert str(place("s3://key:secret@bucket/run?region=x")) == "s3://bucket/run"
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        (
+            "s3a://key:secret@bucket/run",
+            r"s3a:// is not served here; did you mean s3://bucket/run\?",
+        ),
+        ("file:///x/run", "file:// is not served here; give a folder"),
+        ("hdfs://h/run", "hdfs:// is not served here"),
+        ("http://h/run", "http:// is not served here"),
+        ("", "name is empty"),
+    ],
+)
+def test_what_is_not_served_is_refused(url, said):
+    for where in (url, Path(url)) if url else (url,):
+        with pytest.raises(InputError, match=said):
+            place(where)
+
+
+def test_capitals_of_a_scheme_do_not_matter(tmp_path):
+    assert str(place("S3://bucket/run?region=x")) == "s3://bucket/run"
+    assert isinstance(place("C:/results"), Folder)
+
+
+@pytest.mark.parametrize("scheme", ["s3://k:s@", "gs://anonymous@"])
+def test_a_store_that_never_answers_is_said_to_within_ten_seconds(scheme):
+    """It takes connections, and that is all."""
+    with socket.create_server(("127.0.0.1", 0), backlog=100) as silent:
+        server = f"127.0.0.1:{silent.getsockname()[1]}"
+        began = time.monotonic()
+        with pytest.raises(InputError, match="bucket/run"):
+            place(f"{scheme}bucket/run?endpoint_override={server}&scheme=http").exists()
+        assert time.monotonic() - began < 10.0
 
 
 @pytest.mark.parametrize(

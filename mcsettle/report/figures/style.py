@@ -15,7 +15,7 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mcsettle.storage.files import write_file
+from mcsettle.storage.marks import NO_STUDY, write_marked
 
 P = ParamSpec("P")
 
@@ -81,15 +81,32 @@ def legend_outside(axes: Axes, **options: Any) -> None:
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, **options)
 
 
-def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMATS) -> list[Path]:
+def save(
+    figure: Figure,
+    folder: Path,
+    name: str,
+    formats: Sequence[str] = FORMATS,
+    study: str = NO_STUDY,
+    force: bool = False,
+) -> list[Path]:
     """Write ``figure`` into ``folder`` in each format; the same picture gives the same bytes.
+
+    ``study``: the mark that the files bear, and that those they replace have to bear (not so with
+    ``force``).
 
     Raises
     ------
     InputError
-        If the folder cannot be written.
+        The folder cannot be written, or holds others' files of these names.
     """
-    return [write_file(folder / f"{name}.{kind}", drawn(figure, kind)) for kind in formats]
+    return write_marked(files_of(figure, folder, name, formats), study, force)
+
+
+def files_of(
+    figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMATS
+) -> dict[Path, bytes]:
+    """The files that ``save`` writes, and their content."""
+    return {folder / f"{name}.{kind}": drawn(figure, kind) for kind in formats}
 
 
 def drawn(figure: Figure, kind: str, **rules: Any) -> bytes:
