@@ -68,7 +68,7 @@ def workspace(
 ) -> Workspace:
     """Room for such a band and grid, rounded up: another shape compiles the kernels again."""
     if n_groups > GROUPS:
-        raise ValueError(f"{n_groups} settling layers; at most {GROUPS} here")
+        raise ValueError(f"{n_groups} settlement groups; at most {GROUPS} here")
     return _allocated(-(-n_modes // 64) * 64, n_points, precision, n_factors)
 
 

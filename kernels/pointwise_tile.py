@@ -18,7 +18,7 @@ from mcsettle.kernels.laws import (
 )
 from mcsettle.kernels.spectral import ROWS
 
-GROUPS = 8  # settling layers at most
+GROUPS = 64  # settlement groups at most: layers, or depths
 PAD = 9  # rows between quarters: powers of two would put them all into the same lines of the cache
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import build_case
+from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.engine import engine_for
 from mcsettle.study.study import Study
 

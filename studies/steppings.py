@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import Case, Outcome, build_case
+from mcsettle.step_b.build_case import build_case
+from mcsettle.step_b.case import Case, Outcome
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.engine import engine_for
 from mcsettle.step_b.stepwise import March, MarchState

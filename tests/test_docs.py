@@ -15,6 +15,7 @@ from mcsettle.study.schema.grounds import GroundsTable, SoilTable
 from mcsettle.study.schema.profile import ProfileTable, RecordTable
 from mcsettle.study.schema.published import METRICS, CalibrationTable, ReferenceTable
 from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
+from mcsettle.study.schema.spatial_variability import SpatialVariabilityTable
 from mcsettle.study.schema.study import json_schema
 from mcsettle.study.schema.track import (
     GroundTable,
@@ -59,6 +60,7 @@ HEADINGS: dict[str, type[Table]] = {
     "`[settlement]`": SettlementTable,
     "`[grounds]`": GroundsTable,
     "`[grounds.materials.CODE]`": SoilTable,
+    "`[spatial_variability]`": SpatialVariabilityTable,
     "`[limit]`": LimitTable,
     "`[run]`": RunTable,
     "`[economics]`": EconomicsTable,

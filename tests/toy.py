@@ -22,6 +22,7 @@ from mcsettle.step_a.beam import beam_response
 from mcsettle.step_a.interaction import precompute
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.case import Case
+from mcsettle.step_b.stress import DEVIATOR
 from mcsettle.storage import store
 from mcsettle.study.study import Study
 from mcsettle.units import KMH
@@ -86,6 +87,11 @@ def profiles(indices, sd: float = SD, window: float = WINDOW, shortest: float = 
     return sample_profiles(
         spectrum(), wavenumbers(window, shortest), window, 1, indices, sd, default_section(window)
     )
+
+
+def deviator(state: np.ndarray) -> np.ndarray:
+    """Deviator [J, 3] of stresses [J, 4]; its length is σ_d."""
+    return state @ DEVIATOR.T
 
 
 def cycles(settlement_model: SettlementModel, gone: float = 0.0) -> np.ndarray:

@@ -15,7 +15,8 @@ from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.sample import interval_quantile
 from mcsettle.run.factor_digest import transfer_identity
 from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import Case, Outcome, build_case
+from mcsettle.step_b.build_case import build_case
+from mcsettle.step_b.case import ALIKE, Case, Outcome, Support, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
@@ -79,7 +80,8 @@ def calibrate(
     case = build_case(scene, prepared)
     case = replace(case, model=replace(case.model, settlement_factor=1.0))
     profiles = scene.profiles.sample(range(study.run.realisations))
-    search = Search(case, profiles, progress)
+    support = support_of(scene, range(len(profiles)), profiles)
+    search = Search(case, profiles, progress, support)
     factor, low, high, outcome = search.interval(median_days)
     median = _median(outcome, case.horizon)
     plain = search.outcome(1.0, np.array([0.0, median_days]))
@@ -116,8 +118,15 @@ def _median(outcome: Outcome, horizon: float) -> Estimate:
 class Search:
     """Median days as a function of the factor, on fixed profiles (common random numbers)."""
 
-    def __init__(self, case: Case, profiles: np.ndarray, progress: Progress | None) -> None:
+    def __init__(
+        self,
+        case: Case,
+        profiles: np.ndarray,
+        progress: Progress | None,
+        support: Support = ALIKE,
+    ) -> None:
         self.case, self.profiles, self.progress = case, profiles, progress
+        self.support = support
         self.machine = CycleJump(case)
         self.known: dict[float, float] = {}
         self.evaluations = 0
@@ -128,7 +137,8 @@ class Search:
         if self.progress is not None:
             self.progress(f"Calibration, factor {factor:.6g}", self.evaluations, 40)
         samples = np.zeros(0) if days is None else days
-        return self.machine.run(self.profiles, samples, np.full(len(self.profiles), factor))
+        factors = np.full(len(self.profiles), factor)
+        return self.machine.run(self.profiles, samples, factors, support=self.support)
 
     def median(self, factor: float) -> float:
         """Median days with this factor; twice the horizon where it is not reached."""

@@ -24,8 +24,10 @@ from mcsettle.railway.irregularity import (
     standard_deviation,
     wavenumbers,
 )
+from mcsettle.railway.scene import Scene
 from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import Case, build_case
+from mcsettle.step_b.build_case import build_case
+from mcsettle.step_b.case import Case, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.schema.economics import MaintenanceTable
 from mcsettle.study.study import Study
@@ -79,14 +81,23 @@ def lives(
     for variant in study.variant_names:
         own: dict[str, tuple[Sequence, np.ndarray]] = {}
         for scenario in study.scenario_names:
-            case = build_case(study.scene(variant, scenario), prepared)
-            own[scenario] = tampings(study, case, table, indices, f"{variant} {scenario}", progress)
+            scene = study.scene(variant, scenario)
+            own[scenario] = tampings(
+                study,
+                scene,
+                build_case(scene, prepared),
+                table,
+                indices,
+                f"{variant} {scenario}",
+                progress,
+            )
         found += [_priced(study, variant, scenario, own) for scenario in study.scenario_names]
     return found
 
 
 def tampings(
     study: Study,
+    scene: Scene,
     case: Case,
     table: MaintenanceTable,
     indices: range,
@@ -102,7 +113,8 @@ def tampings(
         later = replace(case, model=model)
     first, further = CycleJump(case), CycleJump(later)
     profiles, life = start.copy(), (table.renewal_years or np.inf) * DAYS_PER_YEAR
-    n = len(start)
+    n, field = len(start), scene.support.settings
+    fades = field is not None and field.persistence < 1.0
     day, ground, factor = np.zeros(n), np.zeros(n), np.ones(n)
     alive, is_open = np.ones(n, bool), np.zeros(n, bool)
     days, after = [], []
@@ -113,7 +125,11 @@ def tampings(
             progress(f"Tampings of {text}", tamping - 1, table.cycles)
         machine = first if tamping == 1 else further
         at = np.flatnonzero(alive)
-        outcome = machine.run(profiles[at], np.zeros(0), factor[at], ground_days=ground[at])
+        if tamping == 1 or (recovery is not None and fades):
+            support = support_of(scene, indices, start, tamping - 1)
+        outcome = machine.run(
+            profiles[at], np.zeros(0), factor[at], ground_days=ground[at], support=support[at]
+        )
         day[at] += np.where(outcome.reached, outcome.days, case.horizon)
         due = day[at] < life
         going = outcome.reached & due & (outcome.days > 0.0)

@@ -12,7 +12,8 @@ from mcsettle import economics
 from mcsettle.estimate.sample import effect_quantile, interval_quantile
 from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a.transfers import TransferStore, step_a
-from mcsettle.step_b.case import Outcome, build_case
+from mcsettle.step_b.build_case import build_case
+from mcsettle.step_b.case import Outcome, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
@@ -98,9 +99,11 @@ def _medians(
         key = study.step_b_key(variant, scenario)
         if key not in runs:
             prepared = prepared or step_a(study.scenes, None, processes, shared_transfers)
-            case = build_case(study.scene(variant, scenario), prepared)
-            profiles = study.initial_profiles(variant).sample(range(realisations))
-            runs[key] = CycleJump(case).run(profiles, np.zeros(0))
+            scene, indices = study.scene(variant, scenario), range(realisations)
+            profiles = scene.profiles.sample(indices)
+            support = support_of(scene, indices, profiles)
+            engine = CycleJump(build_case(scene, prepared))
+            runs[key] = engine.run(profiles, np.zeros(0), support=support)
         outcomes[scenario] = runs[key]
     found: dict[tuple[str, str], tuple[str, float | None]] = {}
     for scenario, outcome in outcomes.items():

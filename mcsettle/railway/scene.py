@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcsettle.railway.initial_profiles import InitialProfiles
+from mcsettle.railway.rail_loads import HALF, RailLoads
 from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.softening_choices import Softened, SofteningSettings
+from mcsettle.railway.spatial_variability import UNIFORM, SupportVariation
 from mcsettle.railway.track import Track
 from mcsettle.railway.traffic import Service, Timetable
 
@@ -17,7 +19,9 @@ class Scene:
 
     ``contact``: Hertzian stiffness N/m; ``integration_depth`` m below the subgrade surface;
     ``softening``: None where the soil is linear; ``sd_limit`` m; ``horizon`` and ``sample_days`` d;
-    ``stepping``, ``right_hand_side`` and ``precision`` as ``step_b.engine`` takes them.
+    ``stepping``, ``right_hand_side`` and ``precision`` as ``step_b.engine`` takes them; ``support``: how
+    it differs along and between sections; ``reference_scenario``: its first service is the reference of
+    equivalent cycles.
     """
 
     variant: str
@@ -35,6 +39,9 @@ class Scene:
     stepping: str
     right_hand_side: str
     precision: str
+    rail_loads: RailLoads = HALF
+    support: SupportVariation = UNIFORM
+    reference_scenario: str = ""
 
     @property
     def wavenumbers(self) -> np.ndarray:

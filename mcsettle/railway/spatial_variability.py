@@ -24,7 +24,7 @@ from mcsettle.railway.spectra import Spectrum
 DISTRIBUTIONS = ("gaussian", "lognormal")
 LARGEST_GAUSSIAN = 0.3  # point coefficient of variation: 1 + h < 0 in 0.04 % of the track
 SECTION_STREAM, FIELD_STREAM, LAYER_STREAM = 1, 2, 3  # the layers' own fields follow the last
-LARGEST_LOG_SD = 3.0
+LARGEST_LOG_SD = 1.5  # of a lognormal field at a point
 
 
 @dataclass(frozen=True)
@@ -146,9 +146,47 @@ def susceptibility(
     return fields
 
 
+@dataclass(frozen=True, eq=False)
+class SupportVariation:
+    """How the support differs along and between the sections of a study.
+
+    ``settings`` and ``waves`` of the fields (None: alike along the track); ``settling``: layers with a
+    settlement law; ``section_log_sd`` of a lognormal factor of each section, 0: none.
+    """
+
+    settings: SpatialVariability | None = None
+    waves: FieldWaves | None = None
+    settling: tuple[int, ...] = ()
+    section_log_sd: float = 0.0
+
+    @property
+    def multipliers(self) -> np.ndarray | None:
+        """Multipliers [F, L] of each field in each layer; None where no field is."""
+        return None if self.settings is None else self.settings.coupling(self.settling)
+
+    def sample(
+        self, seed: int, indices: Iterable[int], initial_sd: np.ndarray, tamping: int = 0
+    ) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Fields complex [R, F, M] and factors [R] of realisations of SD ``initial_sd`` [R] m.
+
+        None for what there is none of. ``tamping``: how many tampings the fields have lived through.
+        """
+        rows, fields, factors = list(indices), None, None
+        if self.settings is not None and self.waves is not None:
+            fields = susceptibility(
+                self.settings, self.waves, seed, rows, self.settling, initial_sd, tamping
+            )
+        if self.section_log_sd > 0.0:
+            factors = section_factors(seed, rows, self.section_log_sd)
+        return fields, factors
+
+
+UNIFORM = SupportVariation()
+
+
 def section_factors(seed: int, indices: Iterable[int], log_sd: float) -> np.ndarray:
     """Lognormal factor [R] of median 1 on each realisation's settlement, the same in every scenario."""
-    drawn = [random_amplitudes(seed, i, 1, (0, SECTION_STREAM))[0].real for i in indices]
+    drawn = [random_amplitudes(seed, i, 1, (SECTION_STREAM, 0))[0].real for i in indices]
     return np.exp(log_sd * np.array(drawn))
 
 

@@ -13,7 +13,8 @@ from mcsettle.report.figures.results import MixedDays, Profile
 from mcsettle.report.material import Material
 from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.step_b import engine
-from mcsettle.step_b.case import Case, build_case
+from mcsettle.step_b.build_case import build_case
+from mcsettle.step_b.case import Case, support_of
 from mcsettle.units import MM
 
 TRACK = 0  # the realisation that the pictures follow
@@ -29,13 +30,16 @@ def prepared_step_a(material: Material) -> StepA:
 def profiles_at_limit(material: Material, prepared: StepA) -> list[Profile]:
     """The track ``TRACK`` before traffic and when it ends, in each scenario of the answer's variant."""
     study = material.study
-    amplitudes = study.initial_profiles(material.variant).sample(range(TRACK, TRACK + 1))
+    indices = range(TRACK, TRACK + 1)
+    amplitudes = study.initial_profiles(material.variant).sample(indices)
     modes = study.wavenumbers
     x = np.linspace(0.0, min(study.profile.window_m, 200.0), 801)
     found = []
     for scenario in study.scenario_names[:MOST_PANELS]:
-        case = build_case(study.scene(material.variant, scenario), prepared)
-        outcome = engine.engine_for(case).run(amplitudes, np.zeros(0))
+        scene = study.scene(material.variant, scenario)
+        support = support_of(scene, indices, amplitudes)
+        case = build_case(scene, prepared)
+        outcome = engine.engine_for(case).run(amplitudes, np.zeros(0), support=support)
         if outcome.failed[0]:
             continue
         days = float(outcome.days[0]) if outcome.reached[0] else None
@@ -62,10 +66,12 @@ def mixed_days(material: Material, scenario: str, prepared: StepA) -> MixedDays 
     if study.profile.window_m >= 400.0:
         return None
     last = MIXED_FROM + MIXED_DAYS
-    case = replace(build_case(study.scene(material.variant, scenario), prepared), horizon=last)
+    scene, indices = study.scene(material.variant, scenario), range(TRACK, TRACK + 1)
+    case = replace(build_case(scene, prepared), horizon=last)
     days = np.linspace(MIXED_FROM, last, MIXED_POINTS + 1)
-    amplitudes = study.initial_profiles(material.variant).sample(range(TRACK, TRACK + 1))
-    outcome = engine.engine_for(case, "every_axle").run(amplitudes, days)
+    amplitudes = scene.profiles.sample(indices)
+    support = support_of(scene, indices, amplitudes)
+    outcome = engine.engine_for(case, "every_axle").run(amplitudes, days, support=support)
     sd = outcome.history[0] / MM
     if outcome.failed[0] or np.isnan(sd).any():
         return None

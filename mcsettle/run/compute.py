@@ -24,7 +24,8 @@ from mcsettle.run.prefetch import Prefetch
 from mcsettle.run.shards import Shard
 from mcsettle.step_a.transfers import StepA, TransferStore, step_a
 from mcsettle.step_b import expansion_error
-from mcsettle.step_b.case import Case, Outcome, build_case
+from mcsettle.step_b.build_case import build_case
+from mcsettle.step_b.case import Case, Outcome, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.engine import Engine, engine_for, foreseen_passages
 from mcsettle.step_b.pointwise import LARGEST_EXPONENT
@@ -220,10 +221,11 @@ def _batch(job: Job, scene: Scene, engine: Engine, rest: range) -> tuple[range, 
 def _outcome(job: Job, scene: Scene, engine: Engine, batch: range) -> Outcome:
     """Advance realisations to the limit or the horizon, with progress where it takes long."""
     profiles = scene.profiles.sample(batch)
+    support = support_of(scene, batch, profiles)
     if isinstance(engine, CycleJump):
-        return engine.run(profiles, scene.sample_days)
-    passages = foreseen_passages(engine.case, profiles)
-    march = engine.march(profiles, scene.sample_days)
+        return engine.run(profiles, scene.sample_days, support=support)
+    passages = foreseen_passages(engine.case, profiles, support)
+    march = engine.march(profiles, scene.sample_days, support=support)
     for day in march:
         if job.progress is not None:
             job.progress(f"{_stage(scene)}, axle passages", *passages(day))
@@ -257,7 +259,8 @@ def _right_hand_side(member: ParameterSet, scene: Scene, case: Case) -> tuple[st
     """
     if scene.right_hand_side != "spectral":
         return scene.right_hand_side, []
-    error = expansion_error.worst_error(case, scene.profiles.sample(CHECKED))
+    profiles = scene.profiles.sample(CHECKED)
+    error = expansion_error.worst_error(case, profiles, support_of(scene, CHECKED, profiles))
     if error <= expansion_error.LARGEST_ERROR:
         return "spectral", []
     where = f", parameter set {member.index}" if member.values else ""

@@ -10,7 +10,8 @@ from mcsettle.estimate.likelihood import Likelihood, likelihood_of
 from mcsettle.estimate.observation import Observation
 from mcsettle.railway.scene import Scene
 from mcsettle.step_a.transfers import StepA
-from mcsettle.step_b.case import Case, Outcome, build_case
+from mcsettle.step_b.build_case import build_case
+from mcsettle.step_b.case import Case, Outcome, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.units import MM
 
@@ -33,7 +34,7 @@ class FactorModel:
     ) -> None:
         names = {o.scenario for o in observations}
         self.cases = {s.scenario: build_case(s, prepared) for s in scenes if s.scenario in names}
-        self.initial = scenes[0].profiles
+        self.scene = scenes[0]  # tracks and their support are the same in every scenario
         self.observations = tuple(observations)
 
     def of(self, observations: Sequence[Observation]) -> "FactorModel":
@@ -49,7 +50,7 @@ class FactorModel:
 
     def predicted(self, logs: np.ndarray, wanted: np.ndarray, n_tracks: int) -> list[np.ndarray]:
         """Days or SDs [mm], [W, R], of each observation; NaN where the track failed."""
-        profiles = self.initial.sample(range(n_tracks))
+        profiles = self.scene.profiles.sample(range(n_tracks))
         sds = {
             name: self._sds(name, np.exp(logs), profiles)
             for name in dict.fromkeys(o.scenario for o in self.observations if not o.is_interval)
@@ -69,7 +70,7 @@ class FactorModel:
         """Log days [F, R] to the limit, of a track that outlives the horizon those of the horizon."""
         case = self.cases[observation.scenario]
         horizon = min(case.horizon, LONGER * observation.value)
-        outcome = _advanced(replace(case, horizon=horizon), factors, profiles, np.zeros(0))
+        outcome = self._advanced(replace(case, horizon=horizon), factors, profiles, np.zeros(0))
         days = np.where(outcome.reached, outcome.days, horizon)
         log_days = np.where(outcome.failed, np.nan, np.log(np.maximum(days, 1e-9)))
         return log_days.reshape(len(factors), -1)
@@ -83,18 +84,21 @@ class FactorModel:
         case = self.cases[scenario]
         limit = max(case.sd_limit, *((o.value + FAR * o.error) * MM for o in observed))
         case = replace(case, sd_limit=limit, horizon=max(1.001 * float(days[-1]), 1.0))
-        outcome = _advanced(case, factors, profiles, days)
+        outcome = self._advanced(case, factors, profiles, days)
         sd = np.where(np.isnan(outcome.history), limit, outcome.history) / MM
         sd = np.where(outcome.failed[:, None], np.nan, sd).reshape(len(factors), -1, len(days))
         return {float(day): sd[:, :, place] for place, day in enumerate(days)}
 
-
-def _advanced(case: Case, factors: np.ndarray, profiles: np.ndarray, days: np.ndarray) -> Outcome:
-    """Every track at every factor, factors outermost; SDs recorded on ``days``."""
-    model = replace(case.model, settlement_factor=1.0)
-    machine = CycleJump(replace(case, model=model))
-    rows = np.tile(profiles, (len(factors), 1))
-    return machine.run(rows, days, np.repeat(factors, len(profiles)))
+    def _advanced(
+        self, case: Case, factors: np.ndarray, profiles: np.ndarray, days: np.ndarray
+    ) -> Outcome:
+        """Every track at every factor, factors outermost; SDs recorded on ``days``."""
+        model = replace(case.model, settlement_factor=1.0)
+        machine = CycleJump(replace(case, model=model))
+        support = support_of(self.scene, range(len(profiles)), profiles)
+        again = np.tile(np.arange(len(profiles)), len(factors))
+        each = np.repeat(factors, len(profiles))
+        return machine.run(profiles[again], days, each, support=support[again])
 
 
 def _between(logs: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:

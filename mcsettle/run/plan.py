@@ -11,9 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mcsettle.railway.scene import Scene
 from mcsettle.run.compute import BATCH
-from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import Case, build_case
+from mcsettle.step_a.transfers import StepA, step_a
+from mcsettle.step_b.build_case import build_case
+from mcsettle.step_b.case import Case, Support, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.cycles import update_weights
 from mcsettle.step_b.stepwise import Stepwise
@@ -65,15 +67,7 @@ def plan(
     n, n_sets = study.run.realisations, study.n_sets
     taken = pairs[:: math.ceil(len(pairs) / MOST_PROBES)]
     tracks = range(min(PROBED, n))
-    probes = [
-        _probe(
-            study,
-            build_case(study.scene(*pair), prepared),
-            study.initial_profiles(pair[0]).sample(tracks),
-            threads,
-        )
-        for pair in taken
-    ]
+    probes = [_probe(study, study.scene(*pair), prepared, tracks, threads) for pair in taken]
     seconds, passages = np.mean(probes, axis=0)
     rows = n * len(pairs) * n_sets
     size = min(batch or BATCH, BATCH, n)
@@ -103,33 +97,35 @@ def is_long(study: Study) -> bool:
 
 
 def _probe(
-    study: Study, case: Case, profiles: np.ndarray, threads: int | None
+    study: Study, scene: Scene, prepared: StepA, tracks: range, threads: int | None
 ) -> tuple[float, float]:
     """Seconds and axle passages a realisation."""
     from mcsettle.kernels import runtime
 
-    run, days = study.run, study.sample_days
+    run, days, case = study.run, study.sample_days, build_case(scene, prepared)
+    profiles = scene.profiles.sample(tracks)
+    support = support_of(scene, tracks, profiles)
     jump_side = "spectral" if run.stepping != "cycle_jump" else run.right_hand_side
     runtime.start(threads)
     jump = CycleJump(case, jump_side)
-    jump.run(profiles[:1], days)  # compiled
+    jump.run(profiles[:1], days, support=support[:1])  # compiled
     start = time.perf_counter()
-    outcome = jump.run(profiles, days)
+    outcome = jump.run(profiles, days, support=support)
     seconds = (time.perf_counter() - start) / len(profiles)
     passages = float(outcome.passages.mean())
     if run.stepping == "cycle_jump":
         return seconds, passages
-    rate = _marching(case, study, profiles)
+    rate = _marching(case, study, profiles, support)
     trains = passages / case.timetable.passages_per_day
     trains *= sum(service.per_day for service in case.timetable.services)
     return (passages if run.stepping == "every_axle" else trains) / rate, passages
 
 
-def _marching(case: Case, study: Study, profiles: np.ndarray) -> float:
+def _marching(case: Case, study: Study, profiles: np.ndarray, support: Support) -> float:
     """Updates of realisations a second, one launch measured."""
     run = study.run
     loads = Stepwise(case, run.stepping, run.right_hand_side, run.precision).loads
-    lanes = loads.begin(profiles, np.inf)
+    lanes = loads.begin(profiles, np.inf, support)
     first = update_weights(case, loads.plan, 0, 2)
     lanes.advance(*first, *loads.coefficients)  # compiled
     count = lanes.burst_size()

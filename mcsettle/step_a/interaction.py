@@ -13,11 +13,12 @@ functions that are all Step B knows; ``save`` and ``load`` keep them on disk.
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcsettle.railway.rail_loads import HALF, RailLoads
 from mcsettle.railway.traffic import Train
 from mcsettle.railway.vehicle import vehicle_compliance
 from mcsettle.step_a.transfer import TrackResponse, TransferFunctions, WavenumberSpectra
@@ -94,6 +95,7 @@ def precompute(
     wavenumbers: Array,
     hertz_stiffness: float = HERTZ_STIFFNESS,
     progress: Callable[[int, int], None] | None = None,
+    whole: bool = False,
 ) -> TransferFunctions:
     """Transfer functions of one train at one speed on one track.
 
@@ -111,6 +113,8 @@ def precompute(
         Contact stiffness [N/m per wheelset].
     progress
         Called with (done, total) after each of the K + 1 driving frequencies.
+    whole
+        The whole load of a wheelset on each rail: receptance and stresses doubled.
 
     Raises
     ------
@@ -128,6 +132,10 @@ def precompute(
     waves, phases = np.empty(0), np.empty((size, 0), dtype=complex)
     omegas = np.concatenate([[0.0], kappa * speed])
     for step, spectra in enumerate(response.spectra(speed, omegas)):
+        if whole:
+            spectra = replace(
+                spectra, receptance=2.0 * spectra.receptance, stress=2.0 * spectra.stress
+            )
         if spectra.wavenumbers is not waves:
             waves, phases = spectra.wavenumbers, _phases(spectra.wavenumbers, positions)
         if step == 0:
@@ -156,12 +164,19 @@ def precompute(
         track_compliance=own,
         geostatic=response.geostatic,
         rail_deflection=deflection,
-        digest=transfer_digest(train, speed, kappa, hertz_stiffness, response.digest),
+        digest=transfer_digest(
+            train, speed, kappa, hertz_stiffness, response.digest, RailLoads(whole=whole)
+        ),
     )
 
 
 def transfer_digest(
-    train: Train, speed: float, wavenumbers: Array, hertz_stiffness: float, response_digest: str
+    train: Train,
+    speed: float,
+    wavenumbers: Array,
+    hertz_stiffness: float,
+    response_digest: str,
+    loads: RailLoads = HALF,
 ) -> str:
     """SHA-256 hex digest of everything ``precompute`` depends on; known before it runs."""
     described = asdict(train)
@@ -176,6 +191,8 @@ def transfer_digest(
         "hertz_stiffness": float(hertz_stiffness),
         "response": response_digest,
     }
+    if loads.description:
+        description["rail_loads"] = loads.description
     return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()
 
 

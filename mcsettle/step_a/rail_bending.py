@@ -10,11 +10,11 @@ The profile is e^{+ikx}, the response e^{−ikx}: hence the conjugate. A standin
 of ũ, σxx, σyy and σzz the real part counts, of σxz, which is odd, the imaginary one.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcsettle.step_a.transfer import TrackResponse
+from mcsettle.step_a.transfer import TrackResponse, TransferFunctions
 
 
 @dataclass(frozen=True)
@@ -35,3 +35,24 @@ def rail_bending(response: TrackResponse, wavenumbers: np.ndarray) -> RailBendin
     own[:, 3] = -1j * stress[:, 3].imag
     scale = -force / (0.5 - force * receptance.real)
     return RailBending(scale[:, None, None] * own, 1.0 - 2.0 * force * receptance.real)
+
+
+def with_rail_bending(
+    transfer: TransferFunctions,
+    response: TrackResponse,
+    small_strain: TrackResponse,
+    share: float,
+    digest: str,
+) -> TransferFunctions:
+    """``transfer`` on the track of ``response`` with ``share`` of the standing load of its bent rail.
+
+    What the rail follows is one for all services: that of the track at ``small_strain``.
+    """
+    bending = rail_bending(response, transfer.wavenumbers)
+    following = rail_bending(small_strain, transfer.wavenumbers).following
+    return replace(
+        transfer,
+        dynamic=transfer.dynamic + share * bending.stress,
+        following=following,
+        digest=digest,
+    )

@@ -99,7 +99,8 @@ class TransferFunctions:
     ``wavenumbers`` [K] rad/m of the profile modes; ``quasi_static`` [J, 4, Z] Pa with axle j overhead;
     ``dynamic`` [J, K, 4, Z] complex, Pa per metre of profile amplitude; ``force`` [J, K] complex, N per
     metre of amplitude, phase at the instant and place of axle j; ``track_compliance`` [K] complex, m/N
-    (a single axle's own term, Eq. 13); ``geostatic`` [4, Z] Pa; ``rail_deflection`` [J] m quasi-static.
+    (a single axle's own term, Eq. 13); ``geostatic`` [4, Z] Pa; ``rail_deflection`` [J] m quasi-static;
+    ``following`` [K] the part of a settlement that the rail follows where its bending counts, else None.
 
     With the profile Δu(x) = Re Σ U_k e^{ikx}, the dynamic stress at x under axle j is
     Re Σ U_k dynamic[j, k] e^{ikx}.
@@ -116,3 +117,4 @@ class TransferFunctions:
     geostatic: np.ndarray
     rail_deflection: np.ndarray
     digest: str
+    following: np.ndarray | None = None

@@ -1,13 +1,16 @@
 """One set of transfer functions: from the cache folder if it is valid there, else computed and kept."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mcsettle.errors import InputError
+from mcsettle.railway.rail_loads import HALF, RailLoads
 from mcsettle.railway.traffic import Service, Train
 from mcsettle.step_a.interaction import precompute, transfer_digest
+from mcsettle.step_a.rail_bending import with_rail_bending
 from mcsettle.step_a.transfer import TrackResponse, TransferFunctions
 from mcsettle.step_a.transfer_file import keep_newest, load, save
 from mcsettle.storage.files import cache_folder
@@ -25,22 +28,44 @@ def cached_transfer(
     contact: float,
     progress: Progress | None = None,
     axle_loads: dict[str, float] | None = None,
+    loads: RailLoads = HALF,
+    small_strain: Callable[[], TrackResponse] | None = None,
 ) -> TransferFunctions:
     """Transfer functions of one service on ``response``.
 
     ``modes`` [K] rad/m; ``contact``: Hertzian stiffness N/m. A train that differs from its axle load
     [kg] in ``axle_loads`` alone has the same dynamic response and a quasi-static one in proportion, so
-    it is scaled, not computed.
+    it is scaled, not computed. ``small_strain`` gives the response of the same track at small strain,
+    which the bending of ``loads`` needs (default ``response``).
     """
     train = service.train
     reference = under_reference_load(train, axle_loads or {})
+    passage = _Passage(response, service, modes, contact, loads, small_strain)
     if reference is None:
-        return _from_cache_or_computed(response, service, modes, contact, progress)
+        return _from_cache_or_computed(passage, progress)
     base = replace(service, train=reference)
-    transfer = _from_cache_or_computed(response, base, modes, contact, progress)
+    transfer = _from_cache_or_computed(replace(passage, service=base), progress)
     ratio = train.cars[0].axle_load / reference.cars[0].axle_load
-    digest = transfer_digest(train, service.speed, modes, contact, response.digest)
-    return scaled_to(transfer, ratio, digest)
+    return scaled_to(transfer, ratio, passage.digest)
+
+
+@dataclass(frozen=True)
+class _Passage:
+    """All that a set of transfer functions depends on."""
+
+    response: TrackResponse
+    service: Service
+    modes: np.ndarray
+    contact: float
+    loads: RailLoads
+    small_strain: Callable[[], TrackResponse] | None
+
+    @property
+    def digest(self) -> str:
+        """That of the transfer functions."""
+        train, speed = self.service.train, self.service.speed
+        known = self.modes, self.contact, self.response.digest, self.loads
+        return transfer_digest(train, speed, *known)
 
 
 def scaled_to(transfer: TransferFunctions, ratio: float, digest: str) -> TransferFunctions:
@@ -69,14 +94,8 @@ def transfer_file(digest: str) -> Path:
     return cache_folder() / f"transfer-{digest[:32]}.npz"
 
 
-def _from_cache_or_computed(
-    response: TrackResponse,
-    service: Service,
-    modes: np.ndarray,
-    contact: float,
-    progress: Progress | None,
-) -> TransferFunctions:
-    digest = transfer_digest(service.train, service.speed, modes, contact, response.digest)
+def _from_cache_or_computed(passage: _Passage, progress: Progress | None) -> TransferFunctions:
+    digest = passage.digest
     path = transfer_file(digest)
     bring(path)
     if path.exists():
@@ -89,10 +108,21 @@ def _from_cache_or_computed(
         except InputError as error:
             if progress is not None:
                 progress(f"Recomputing a damaged cache file ({error})", 1, 1)
-    text = f"Step A: {service.train.name} at {service.speed * 3.6:.0f} km/h"
-    steps = None if progress is None else lambda done, total: progress(text, done, total)
-    transfer = precompute(service.train, service.speed, response, modes, contact, steps)
+    transfer = _computed(passage, progress)
     save(transfer, path)
     share(path)
     keep_newest(path.parent, "transfer-*.npz", LARGEST_CACHE)
     return transfer
+
+
+def _computed(passage: _Passage, progress: Progress | None) -> TransferFunctions:
+    loads, response, service = passage.loads, passage.response, passage.service
+    if loads.bending_share > 0.0:
+        straight = replace(passage, loads=replace(loads, bending_share=0.0))
+        transfer = _from_cache_or_computed(straight, progress)
+        small = response if passage.small_strain is None else passage.small_strain()
+        return with_rail_bending(transfer, response, small, loads.bending_share, passage.digest)
+    train, speed = service.train, service.speed
+    text = f"Step A: {train.name} at {speed * 3.6:.0f} km/h"
+    steps = None if progress is None else lambda done, total: progress(text, done, total)
+    return precompute(train, speed, response, passage.modes, passage.contact, steps, loads.whole)

@@ -43,6 +43,8 @@ def save(transfer: TransferFunctions, path: str | Path) -> None:
     members |= {f"grid_{name}": np.asarray(getattr(transfer.grid, name)) for name in _GRID}
     members |= {name: np.array(getattr(transfer, name)) for name in _TEXTS}
     members |= {"speed": np.array(transfer.speed), "format": np.array(FORMAT)}
+    if transfer.following is not None:
+        members["following"] = np.asarray(transfer.following)
     members["checksum"] = np.array(_checksum(members))
     with NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
         try:
@@ -85,6 +87,7 @@ def load(path: str | Path) -> TransferFunctions:
             speed=float(members["speed"]),
             grid=DepthGrid(*(members[f"grid_{name}"] for name in _GRID)),
             digest=str(members["digest"]),
+            following=members.get("following"),
             **{name: members[name] for name in _ARRAYS},
         )
     except (KeyError, TypeError, ValueError) as error:

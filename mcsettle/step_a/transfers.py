@@ -10,6 +10,7 @@ import multiprocessing
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -104,8 +105,9 @@ def step_a(
             # On soil that softens the axle load decides the ground: nothing is in proportion.
             loads = store.axle_loads if ground.softened is None else {}
             response, modes = store.responses[ground], scene.wavenumbers
+            small = partial(_small_strain, scenes, store, ground, progress, workers)
             store.transfers[key] = cached_transfer(
-                response, service, modes, scene.contact, progress, loads
+                response, service, modes, scene.contact, progress, loads, scene.rail_loads, small
             )
         pair = scene.variant, scene.scenario
         transfers[pair] = (*transfers.get(pair, ()), store.transfers[key])
@@ -176,7 +178,24 @@ def _passages(
 
 
 def _transfer_key(scene: Scene, service: Service, ground: Ground) -> tuple[Any, ...]:
-    return (*ground, Service(service.train, service.speed, 1), scene.contact)
+    return (*ground, Service(service.train, service.speed, 1), scene.contact, scene.rail_loads)
+
+
+def _small_strain(
+    scenes: Sequence[Scene],
+    store: TransferStore,
+    ground: Ground,
+    progress: Progress | None,
+    workers: int,
+) -> TrackResponse:
+    """Response of the track of ``ground`` at small strain."""
+    settings = section_settings(scenes, None, store.many_grounds)
+    linear = (
+        ground if ground.softened is None else ground._replace(softened=None, settings=settings)
+    )
+    if linear not in store.responses:
+        store.responses[linear] = _response(linear, progress, workers)
+    return store.responses[linear]
 
 
 def _response(ground: Ground, progress: Progress | None = None, workers: int = 1) -> TrackResponse:

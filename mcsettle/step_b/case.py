@@ -1,14 +1,15 @@
 """One scenario as the engine sees it, and what became of its realisations."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from mcsettle.railway.irregularity import default_section, standard_deviation
 from mcsettle.railway.scene import Scene
 from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.traffic import Timetable
 from mcsettle.step_a.transfer import TransferFunctions
-from mcsettle.step_a.transfers import StepA
 from mcsettle.step_b.passage import mode_numbers
 from mcsettle.step_b.spectral import ModePairs, mode_pairs
 
@@ -20,6 +21,7 @@ class Case:
     ``transfers``: one per service of the timetable. ``window`` m, ``sd_limit`` m, ``horizon`` days.
     ``multipliers`` [F, L] of each field of susceptibility in each track layer (None: the support does not
     vary); ``following`` [K] the part of the settlement that the rail follows (None: all of it).
+    ``severity``: for each service what its axles count in each settlement group, [J, G] (None: 1).
     """
 
     timetable: Timetable
@@ -30,6 +32,7 @@ class Case:
     horizon: float
     multipliers: np.ndarray | None = None
     following: np.ndarray | None = None
+    severity: tuple[np.ndarray, ...] | None = None
 
     def __post_init__(self) -> None:
         if len(self.transfers) != len(self.timetable.services):
@@ -51,11 +54,6 @@ class Case:
         return mode_pairs(mode_numbers(self.wavenumbers, self.window))
 
     @property
-    def varies(self) -> bool:
-        """Whether the support varies along the track."""
-        return self.multipliers is not None and len(self.multipliers) > 0
-
-    @property
     def group_multipliers(self) -> np.ndarray:
         """Multipliers [F, G] of the fields in the settlement groups; F may be 0."""
         groups = list(self.model.settling_layers)
@@ -70,8 +68,8 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Sections:
-    """What tells the sections [R] of a batch apart beside their profiles.
+class Support:
+    """What tells the sections [R] of a batch apart beside their profiles: their support.
 
     ``fields`` complex [R, F, M] of susceptibility at modes 1 … M = 2 n_max, None where the support does
     not vary; ``factor`` [R] multiplies every settlement, None: 1.
@@ -80,15 +78,15 @@ class Sections:
     fields: np.ndarray | None = None
     factor: np.ndarray | None = None
 
-    def __getitem__(self, rows: np.ndarray) -> "Sections":
-        """Some of them."""
-        return Sections(
+    def __getitem__(self, rows: np.ndarray | slice) -> "Support":
+        """Some of them, or some of them again."""
+        return Support(
             None if self.fields is None else self.fields[rows],
             None if self.factor is None else self.factor[rows],
         )
 
 
-ALIKE = Sections()  # sections that differ in their profiles alone
+ALIKE = Support()  # sections that differ in their profiles alone
 
 
 @dataclass(frozen=True)
@@ -113,13 +111,9 @@ class Outcome:
     steps: np.ndarray
 
 
-def build_case(scene: Scene, prepared: StepA) -> Case:
-    """The engine's description of a scene."""
-    return Case(
-        timetable=scene.timetable,
-        transfers=prepared.transfers[scene.variant, scene.scenario],
-        model=scene.settlement,
-        window=scene.window,
-        sd_limit=scene.sd_limit,
-        horizon=scene.horizon,
-    )
+def support_of(
+    scene: Scene, indices: Iterable[int], profiles: np.ndarray, tamping: int = 0
+) -> Support:
+    """Support of the realisations ``indices`` whose initial ``profiles`` are [R, K] m."""
+    initial = standard_deviation(profiles, scene.wavenumbers, default_section(scene.window))
+    return Support(*scene.support.sample(scene.profiles.seed, indices, initial, tamping))

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcsettle.step_b.case import ALIKE, Case, Outcome, Sections
+from mcsettle.step_b.case import ALIKE, Case, Outcome, Support
 from mcsettle.step_b.cycles import daily_weights
 from mcsettle.step_b.pointwise import load_parts, pointwise_growth, pointwise_load
 from mcsettle.step_b.runge_kutta import integrate
@@ -51,7 +51,7 @@ class CycleJump:
         sample_days: np.ndarray,
         factor: np.ndarray | None = None,
         ground_days: np.ndarray | None = None,
-        sections: Sections = ALIKE,
+        support: Support = ALIKE,
     ) -> Outcome:
         """Run realisations until they reach the limit or the horizon.
 
@@ -62,7 +62,7 @@ class CycleJump:
         factor : [R] multiplies ``settlement_factor``; default 1
         ground_days : [R] days of this traffic that sub-ballast and ground have had before day 0, while
             the ballast begins anew; default 0
-        sections : Sections, where the case has support that varies, or sections differ
+        support : Support, where it varies along the track or from section to section
 
         Returns
         -------
@@ -78,7 +78,7 @@ class CycleJump:
             self.tolerance,
             factor,
             ground_days,
-            sections,
+            support,
         )
 
 
@@ -91,14 +91,14 @@ def _integrated(
     tolerance: float,
     factor: np.ndarray | None,
     ground_days: np.ndarray | None,
-    sections: Sections,
+    support: Support,
 ) -> Outcome:
     model = case.model
     before = min(model.cycles_before(law) for law in model.group_laws)
     scale = before / (model.cycles_per_passage * case.timetable.passages_per_day)
     factors = np.ones(len(amplitudes)) if factor is None else np.asarray(factor, dtype=float)
-    if sections.factor is not None:
-        factors = factors * sections.factor
+    if support.factor is not None:
+        factors = factors * support.factor
 
     before_tamping = np.zeros(len(amplitudes)) if ground_days is None else ground_days
 
@@ -106,7 +106,7 @@ def _integrated(
         day = scale * np.expm1(time)
         daily = daily_weights(case, day, before_tamping[rows])
         weights = daily * (factors[rows] * (day + scale))[:, None]
-        change, uniform = growth(state[:, :-1], weights, sections[rows].fields)
+        change, uniform = growth(state[:, :-1], weights, support[rows].fields)
         return np.concatenate([change, uniform[:, None]], axis=1)
 
     state = np.concatenate([amplitudes, np.zeros((len(amplitudes), 1))], axis=1).astype(complex)
@@ -117,7 +117,7 @@ def _integrated(
     if len(case.timetable.services) > 1 and path.reached.any():
         at = np.flatnonzero(path.reached)
         day[at] = _in_timetable_order(
-            case, growth, path.state[at, :-1], day[at], measure, before_tamping[at], sections[at]
+            case, growth, path.state[at, :-1], day[at], measure, before_tamping[at], support[at]
         )
     return Outcome(
         reached=path.reached,
@@ -140,7 +140,7 @@ def _in_timetable_order(
     day: np.ndarray,
     measure: Roughness,
     ground_days: np.ndarray,
-    sections: Sections,
+    support: Support,
 ) -> np.ndarray:
     """Day-averaged crossing days [A] as days of the ordered timetable.
 
@@ -155,7 +155,7 @@ def _in_timetable_order(
     for s in range(len(services)):
         own = np.zeros_like(weights)
         own[:, s * n_groups : (s + 1) * n_groups] = weights[:, s * n_groups : (s + 1) * n_groups]
-        change, _ = growth(amplitudes, own, sections.fields)
+        change, _ = growth(amplitudes, own, support.fields)
         shares.append(np.sum(embedded * measure.embed(change), axis=1))
     whole = np.sum(shares, axis=0)
     done, passages, left = np.zeros(len(day)), np.zeros(len(day)), np.ones(len(day), bool)

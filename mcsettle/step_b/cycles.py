@@ -6,7 +6,7 @@ import numpy as np
 
 from mcsettle.railway.track import BallastLaw
 from mcsettle.step_b.case import Case
-from mcsettle.step_b.settlement import cycle_increment, cycle_rate
+from mcsettle.step_b.settlement import cycle_increment, cycle_rate, long_run_rate
 
 
 def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
@@ -19,12 +19,13 @@ def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0
     count keeps the order of the timetable to second order in a day's share of N.
     """
     model, day = case.model, np.asarray(day, dtype=float)
-    axles = np.array([s.per_day * s.train.n_axles for s in case.timetable.services], dtype=float)
+    daily = daily_counts(case)
     rows = []
-    for s, own in enumerate(axles):
-        counted = np.where(counted_with(case, s), axles, 0.0)
-        offset = counted[:s].sum() + 0.5 * own - 0.5 * counted.sum()
-        for law in model.group_laws:
+    for s in range(len(daily)):
+        for g, law in enumerate(model.group_laws):
+            axles = daily[:, g]
+            counted = np.where(counted_with(case, s), axles, 0.0)
+            offset = counted[:s].sum() + 0.5 * axles[s] - 0.5 * counted.sum()
             before = model.cycles_before(law)
             since = day if isinstance(law, BallastLaw) else day + ground_days
             gone = model.cycles_per_passage * (counted.sum() * since + offset)
@@ -32,10 +33,16 @@ def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0
     return np.stack(rows)
 
 
+def daily_counts(case: Case) -> np.ndarray:
+    """Axles [S, G] that each service adds to the count of each group in a day."""
+    services = case.timetable.services
+    return np.stack([s.per_day * _severity(case, i).sum(axis=0) for i, s in enumerate(services)])
+
+
 def counted_with(case: Case, service: int) -> np.ndarray:
     """Which services [S] advance the count N that ``service`` meets: all, or those of its train."""
     trains = [s.train for s in case.timetable.services]
-    shared = case.model.cycles == "shared"
+    shared = case.model.cycles != "per_vehicle"
     return np.array([shared or train == trains[service] for train in trains])
 
 
@@ -48,17 +55,24 @@ def daily_weights(case: Case, day: np.ndarray, ground_days: np.ndarray | float =
     laws = model.group_laws * len(case.timetable.services)
     daily = np.repeat([s.per_day for s in case.timetable.services], len(model.group_laws))
     cycles = cycles_at(case, day, ground_days)
-    rates = [cycle_rate(law, n) * d for law, n, d in zip(laws, cycles, daily, strict=True)]
+    rates = [
+        cycle_rate(law, n, long_run_rate(law, model)) * d
+        for law, n, d in zip(laws, cycles, daily, strict=True)
+    ]
     return np.stack(rates, axis=1) * (model.settlement_factor * model.cycles_per_passage)
 
 
 @dataclass(frozen=True)
 class DayPlan:
-    """One day of updates: ``load`` [N] form index, ``service`` [N], ``axles`` [N] passages each."""
+    """One day of updates: ``load`` [N] form index, ``service`` [N], ``axles`` [N] passages each.
+
+    ``counts`` [N, G]: what each adds to the count of each settlement group, in axles.
+    """
 
     load: np.ndarray
     service: np.ndarray
     axles: np.ndarray
+    counts: np.ndarray
 
     def passages(self, updates: np.ndarray) -> np.ndarray:
         """Axle passages within the first ``updates`` updates."""
@@ -69,14 +83,25 @@ class DayPlan:
 
 def day_plan(case: Case, by_train: bool) -> DayPlan:
     """Order the updates of one day: every axle, or every train, in timetable order."""
-    load, service, axles, first = [], [], [], 0
+    load, service, axles, counts, first = [], [], [], [], 0
     for s, item in enumerate(case.timetable.services):
         own = 1 if by_train else item.train.n_axles
         load.append(np.tile(np.arange(first, first + own), item.per_day))
         service.append(np.full(own * item.per_day, s))
         axles.append(np.full(own * item.per_day, item.train.n_axles // own))
+        severity = _severity(case, s)
+        one = severity.sum(axis=0, keepdims=True) if by_train else severity
+        counts.append(np.tile(one, (item.per_day, 1)))
         first += own
-    return DayPlan(*(np.concatenate(part) for part in (load, service, axles)))
+    return DayPlan(*(np.concatenate(part) for part in (load, service, axles, counts)))
+
+
+def _severity(case: Case, service: int) -> np.ndarray:
+    """What each axle [J, G] of a service counts in each settlement group."""
+    if case.severity is not None:
+        return case.severity[service]
+    shape = case.timetable.services[service].train.n_axles, len(case.model.group_laws)
+    return np.ones(shape)
 
 
 def update_weights(
@@ -86,15 +111,19 @@ def update_weights(
     model = case.model
     index = np.arange(done, done + count)
     day, within = np.divmod(index, len(plan.load))
-    service, axles = plan.service[within], plan.axles[within]
-    before = np.zeros(count)
+    service, counts = plan.service[within], plan.counts
+    before = np.zeros((count, counts.shape[1]))
     for s in np.unique(service):
-        counted = np.where(counted_with(case, s)[plan.service], plan.axles, 0)
-        start = np.concatenate([[0], np.cumsum(counted)])
-        before = np.where(service == s, day * start[-1] + start[within], before)
+        counted = np.where(counted_with(case, s)[plan.service][:, None], counts, 0)
+        start = np.concatenate([np.zeros_like(counted[:1]), np.cumsum(counted, axis=0)])
+        met = day[:, None] * start[-1] + start[within]
+        before = np.where((service == s)[:, None], met, before)
     weights = np.empty((count, len(model.group_laws)))
     for g, law in enumerate(model.group_laws):
-        cycles = model.cycles_before(law) + model.cycles_per_passage * before
-        grown = cycle_increment(law, cycles, model.cycles_per_passage * axles)
-        weights[:, g] = model.settlement_factor * grown / axles
+        cycles = model.cycles_before(law) + model.cycles_per_passage * before[:, g]
+        own = counts[within, g]
+        grown = cycle_increment(
+            law, cycles, model.cycles_per_passage * own, long_run_rate(law, model)
+        )
+        weights[:, g] = model.settlement_factor * grown / own
     return plan.load[within].astype(np.int32), weights

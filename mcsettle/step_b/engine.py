@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcsettle.step_b.case import Case
+from mcsettle.step_b.case import ALIKE, Case, Support
 from mcsettle.step_b.cycle_jump import TOLERANCE, CycleJump
 from mcsettle.step_b.stepwise import Stepwise
 
@@ -61,9 +61,11 @@ def engine_for(
     return Stepwise(case, stepping, right_hand_side, precision)
 
 
-def foreseen_passages(case: Case, amplitudes: np.ndarray) -> Callable[[float], tuple[int, int]]:
+def foreseen_passages(
+    case: Case, amplitudes: np.ndarray, support: Support = ALIKE
+) -> Callable[[float], tuple[int, int]]:
     """Axle passages of realisations [R, K] done by a day, and in all, as a cycle jump foresees them."""
-    outcome = CycleJump(case, tolerance=FORESEEN).run(amplitudes, np.zeros(0))
+    outcome = CycleJump(case, tolerance=FORESEEN).run(amplitudes, np.zeros(0), support=support)
     last = np.where(outcome.reached, outcome.days, case.horizon)
     total = int(last.sum() * case.timetable.passages_per_day)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.step_a.transfer import TransferFunctions
-from mcsettle.step_b.settlement import strain_increment
+from mcsettle.step_b.settlement import long_run_rate, strain_increment
 from mcsettle.step_b.stress import deviatoric_stress, mean_state
 
 
@@ -75,7 +75,11 @@ def settlement_of_passage(
         here = transfer.grid.layer == index
         if law is not None and here.any():
             strain = strain_increment(
-                law, sigma_d[:, here], cycles[index], model.cycles_per_passage
+                law,
+                sigma_d[:, here],
+                cycles[index],
+                model.cycles_per_passage,
+                long_run_rate(law, model),
             )
             settled = strain @ transfer.grid.weights[here]
             if susceptibility is not None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mcsettle.step_b.case import ALIKE, Case, Outcome, Sections
+from mcsettle.step_b.case import ALIKE, Case, Outcome, Support
 from mcsettle.step_b.cycles import DayPlan, day_plan, update_weights
 from mcsettle.step_b.pointwise import PointwiseLoad, joined, load_parts, pointwise_load
 from mcsettle.step_b.pointwise import tables as pointwise_tables
@@ -38,15 +38,15 @@ class Loads:
     first: int
 
     def begin(
-        self, amplitudes: np.ndarray, power_limit: float, sections: Sections = ALIKE
+        self, amplitudes: np.ndarray, power_limit: float, support: Support = ALIKE
     ) -> "lanes.March":
         """Realisations [R, K] ready to march."""
         from mcsettle.kernels.lanes import March
 
-        waves = None if sections.fields is None else real_pairs(sections.fields)
+        waves = None if support.fields is None else real_pairs(support.fields)
         return March(
             amplitudes, power_limit, tables(self.pairs), self.constant.shape[1], self.precision,
-            sections.factor, self.following, waves, self.multipliers, self.first,
+            support.factor, self.following, waves, self.multipliers, self.first,
         )  # fmt: skip
 
     @property
@@ -82,16 +82,16 @@ class PointwiseLoads:
     coefficients: tuple[np.ndarray, ...] = ()
 
     def begin(
-        self, amplitudes: np.ndarray, power_limit: float, sections: Sections = ALIKE
+        self, amplitudes: np.ndarray, power_limit: float, support: Support = ALIKE
     ) -> "lanes.March":
         """Realisations [R, K] ready to march."""
         from mcsettle.kernels.lanes import PointwiseMarch
 
-        n_groups, fields = self.load.constant.shape[1], sections.fields
+        n_groups, fields = self.load.constant.shape[1], support.fields
         factors = None if fields is None else self.load.strain_factors(fields)
         return PointwiseMarch(
             amplitudes, power_limit, pointwise_tables(self.load), n_groups, self.precision,
-            sections.factor, self.following, factors,
+            support.factor, self.following, factors,
         )  # fmt: skip
 
 
@@ -128,7 +128,7 @@ class March:
     amplitudes : complex [R, K], initial profile amplitudes, m
     sample_days : [H] rising days at which the SD is recorded
     begun : MarchState of the same march, to go on from
-    sections : Sections, where the case has support that varies, or sections differ
+    support : Support, where it varies along the track or from section to section
     """
 
     def __init__(
@@ -139,12 +139,12 @@ class March:
         amplitudes: np.ndarray,
         sample_days: np.ndarray,
         begun: MarchState | None = None,
-        sections: Sections = ALIKE,
+        support: Support = ALIKE,
     ) -> None:
         self.case, self.loads, self.measure, self.initial = case, loads, measure, amplitudes
         self.per_day = len(loads.plan.load)
         self.sample_at = np.rint(np.asarray(sample_days) * self.per_day).astype(np.int64)
-        self.lanes = loads.begin(amplitudes, 2.0 * case.sd_limit**2, sections)
+        self.lanes = loads.begin(amplitudes, 2.0 * case.sd_limit**2, support)
         self.history = np.full((len(amplitudes), len(sample_days)), np.nan)
         self.done = 0
         if begun is not None:
@@ -245,16 +245,16 @@ class Stepwise:
         amplitudes: np.ndarray,
         sample_days: np.ndarray,
         begun: MarchState | None = None,
-        sections: Sections = ALIKE,
+        support: Support = ALIKE,
     ) -> March:
         """The march of realisations [R, K], to be iterated over."""
-        return March(self.case, self.loads, self.measure, amplitudes, sample_days, begun, sections)
+        return March(self.case, self.loads, self.measure, amplitudes, sample_days, begun, support)
 
     def run(
-        self, amplitudes: np.ndarray, sample_days: np.ndarray, sections: Sections = ALIKE
+        self, amplitudes: np.ndarray, sample_days: np.ndarray, support: Support = ALIKE
     ) -> Outcome:
         """March realisations [R, K] to the limit or the horizon."""
-        march = self.march(amplitudes, sample_days, sections=sections)
+        march = self.march(amplitudes, sample_days, support=support)
         for _ in march:
             pass
         return march.outcome()

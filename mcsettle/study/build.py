@@ -105,11 +105,19 @@ class SettlementSettings:
     cycles_per_passage: float
     settlement_factor: float
     integration_depth_m: float
+    equivalence_exponent: float | str | None = None
+    ballast_equivalence_exponent: float | None = None
+    equivalence_history: str | None = None
+    long_run_cycles: float | None = None
+    long_run_strength: float | None = None
+    section_log_sd: float | None = None
 
     def model(self, track: Track) -> SettlementModel:
         """The settlement model of ``track`` under these settings."""
         values = asdict(self)
-        del values["integration_depth_m"]
+        del values["integration_depth_m"], values["section_log_sd"]
+        if self.long_run_strength is None:
+            del values["long_run_strength"]
         return SettlementModel(tuple(layer.law for layer in track.layers), **values)
 
 

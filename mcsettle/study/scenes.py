@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mcsettle.railway.initial_profiles import InitialProfiles, MeasuredSections
-from mcsettle.railway.irregularity import wavenumbers
+from mcsettle.railway.irregularity import profile_modes, wavenumbers
 from mcsettle.railway.scene import Scene
+from mcsettle.study.build_forms import build_rail_loads, build_support
 from mcsettle.units import DAYS_PER_YEAR, MM
 
 if TYPE_CHECKING:
@@ -17,11 +18,13 @@ if TYPE_CHECKING:
 def build_scene(study: "Study", variant: str, scenario: str) -> Scene:
     """The scene of one variant and scenario."""
     settings, track, run = study.settlement_settings(variant), study.track(variant), study.run
+    profile, table = study.profile, study.variant(variant)
+    modes = profile_modes(profile.window_m, profile.shortest_m, profile.longest_m)
     return Scene(
         variant=variant,
         scenario=scenario,
         track=track,
-        timetable=study.timetable(scenario),
+        timetable=study.timetable(scenario, variant),
         settlement=settings.model(track),
         integration_depth=settings.integration_depth_m,
         softening=study.softening(variant),
@@ -33,6 +36,11 @@ def build_scene(study: "Study", variant: str, scenario: str) -> Scene:
         stepping=run.stepping,
         right_hand_side=run.right_hand_side,
         precision=run.precision,
+        rail_loads=build_rail_loads(study.track_table, table),
+        support=build_support(
+            study.spatial_variability, track, profile, modes, table, settings.section_log_sd or 0.0
+        ),
+        reference_scenario=study.reference_scenario,
     )
 
 
@@ -71,7 +79,9 @@ def step_b_key(study: "Study", variant: str, scenario: str) -> str:
         study.track_table,  # what the track is made of, and how it is modelled
         study.variant(variant),
         study.settlement_settings(variant),
-        study.timetable(scenario),
+        study.timetable(scenario, variant),
+        study.timetable(study.reference_scenario, variant),
+        study.spatial_variability,
         study.profile,
         study.limit,
         study.seed,

@@ -171,9 +171,18 @@ class Study(StudyTables):
         table = None if variant is None else self.variant(variant)
         return build_softening(self.track_table, table)
 
-    def timetable(self, scenario: str) -> Timetable:
-        """The ordered day of ``scenario``."""
-        return build_timetable(self.scenario(scenario), self.trains)
+    def timetable(self, scenario: str, variant: str | None = None) -> Timetable:
+        """The ordered day of ``scenario``, its trains as ``variant`` reads them (None: as they are)."""
+        trains = dict(self.trains)
+        for name, table in ({} if variant is None else self.variant(variant).trains).items():
+            own = self.train_tables[name].model_copy(update=table.model_dump())
+            trains[name] = build_train(name, own, self.vehicle_tables)
+        return build_timetable(self.scenario(scenario), trains)
+
+    @property
+    def reference_scenario(self) -> str:
+        """Scenario whose first service is the reference of equivalent cycles: the baseline."""
+        return self.scenario_names[0] if self.economics is None else self.economics.baseline
 
     def settlement_settings(self, variant: str) -> SettlementSettings:
         """The settlement settings of ``variant``, its overrides applied."""

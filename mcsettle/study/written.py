@@ -29,7 +29,7 @@ def study_data(study: StudyTables, exclude: Collection[str] = ()) -> dict[str, A
     """
     data = study.model_dump(mode="json", by_alias=True, exclude_none=True, exclude=set(exclude))
     data["track"] = {key: value for key, value in data["track"].items() if value not in ({}, [])}
-    data["variants"] = [_without_empty(entry, ("layers",)) for entry in data["variants"]]
+    data["variants"] = [_without_empty(entry, ("layers", "trains")) for entry in data["variants"]]
     data = _without_empty(data, _OPTIONAL)
     for key, optional in (("reference", ("note",)), ("uncertain", ("also", "fitted"))):
         if key in data:

@@ -105,7 +105,7 @@ def _coverage(sd: np.ndarray, believed: float) -> float:
 def test_a_study_predicts_what_was_held_out(fresh_cache: Path, tmp_path: Path) -> None:
     study = toy.study(run={"realisations": 48})
     from mcsettle.step_a.transfers import step_a
-    from mcsettle.step_b.case import build_case
+    from mcsettle.step_b.build_case import build_case
 
     case = build_case(study.scene("base", "v201"), step_a(study.scenes))
     days = np.array([0.0, 8.0, 16.0])

@@ -126,7 +126,7 @@ def test_perfect_recovery_and_constant_traffic_is_eq_4_to_1e_10(fresh_cache: Pat
 
 def test_first_interval_is_that_of_a_run_and_recovery_matters(fresh_cache: Path) -> None:
     from mcsettle.step_a.transfers import step_a
-    from mcsettle.step_b.case import build_case
+    from mcsettle.step_b.build_case import build_case
     from mcsettle.step_b.engine import engine_for
 
     own = study(LINEAR)

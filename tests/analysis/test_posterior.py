@@ -14,7 +14,7 @@ from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.observation import Observation
 from mcsettle.estimate.resampling import effective
 from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import build_case
+from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.engine import engine_for
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")

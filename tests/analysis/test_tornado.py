@@ -8,7 +8,7 @@ from toy import COST, LOAD, N0, uncertain
 
 from mcsettle.analysis.tornado import tornado
 from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import build_case
+from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.engine import engine_for
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")

@@ -10,7 +10,7 @@ from mcsettle.analysis.calibration import calibrate
 from mcsettle.errors import InputError
 from mcsettle.run.factor_digest import transfer_identity
 from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import build_case
+from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.engine import engine_for
 

@@ -15,7 +15,7 @@ from mcsettle.run.pipeline import run_study
 from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a import track_response, transfer_cache, transfers
 from mcsettle.step_a.interaction import precompute
-from mcsettle.step_b.case import build_case
+from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.engine import engine_for
 from mcsettle.storage import store
 from mcsettle.study.parameter_sets import all_sets

@@ -15,7 +15,7 @@ from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.step_a import critical_speed
 from mcsettle.step_a.transfers import step_a
-from mcsettle.step_b.case import build_case
+from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.engine import engine_for
 from mcsettle.storage import manifest

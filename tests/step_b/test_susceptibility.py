@@ -13,7 +13,7 @@ from mcsettle.railway.spatial_variability import (
     to_points,
 )
 from mcsettle.railway.spectra import spectrum
-from mcsettle.step_b.case import Sections
+from mcsettle.step_b.case import Support
 from mcsettle.step_b.cycles import cycles_at
 from mcsettle.step_b.engine import engine_for
 from mcsettle.step_b.passage import grid_size, in_band, mode_numbers, passage, settlement_of_passage
@@ -127,7 +127,7 @@ def test_every_axle_against_the_definition(right_hand_side, precision):
     case = replace(case, following=np.linspace(1.0, 0.6, 61))
     u0, h = toy.profiles(range(2)), fields(2, count=3)
     engine = engine_for(case, "every_axle", right_hand_side, precision=precision)
-    outcome = engine.run(u0, np.zeros(0), sections=Sections(h, np.array([1.0, 0.3])))
+    outcome = engine.run(u0, np.zeros(0), support=Support(h, np.array([1.0, 0.3])))
     for r, factor in enumerate([1.0, 0.3]):
         u, settled = u0[r], 0.0
         local = to_points(np.einsum("fl,fm->lm", case.multipliers, h[r]), 384)
@@ -147,9 +147,9 @@ def test_every_axle_against_the_definition(right_hand_side, precision):
 
 def test_steppings_agree():
     case, n = varying_case("multipliers"), 5
-    u, sections = toy.profiles(range(n)), Sections(fields(n), np.linspace(0.8, 1.3, n))
+    u, support = toy.profiles(range(n)), Support(fields(n), np.linspace(0.8, 1.3, n))
     jump, train = (
-        engine_for(case, stepping).run(u, np.zeros(0), sections=sections)
+        engine_for(case, stepping).run(u, np.zeros(0), support=support)
         for stepping in ("cycle_jump", "every_train")
     )
     assert jump.reached.all()
@@ -159,11 +159,11 @@ def test_steppings_agree():
 @pytest.mark.parametrize("stepping", ["cycle_jump", "every_train"])
 def test_bits_do_not_depend_on_the_batch(stepping):
     case, n = varying_case(), 70
-    u, sections = toy.profiles(range(n)), Sections(fields(n), np.linspace(0.8, 1.3, n))
+    u, support = toy.profiles(range(n)), Support(fields(n), np.linspace(0.8, 1.3, n))
     engine = engine_for(case, stepping)
-    together = engine.run(u, np.zeros(0), sections=sections)
+    together = engine.run(u, np.zeros(0), support=support)
     some = np.array([68, 3, 40])
-    apart = engine.run(u[some], np.zeros(0), sections=sections[some])
+    apart = engine.run(u[some], np.zeros(0), support=support[some])
     for name in ("days", "amplitudes", "mean_settlement"):
         assert np.array_equal(getattr(together, name)[some], getattr(apart, name))
 
@@ -171,7 +171,7 @@ def test_bits_do_not_depend_on_the_batch(stepping):
 def test_no_field_and_a_field_of_nothing():
     case, u = varying_case(), toy.profiles(range(4))
     days = np.array([0.0, 10.0])
-    with_field = engine_for(case).run(u, days, sections=Sections(fields(4) * 0.0))
+    with_field = engine_for(case).run(u, days, support=Support(fields(4) * 0.0))
     without = engine_for(replace(case, multipliers=None)).run(u, days)
     np.testing.assert_allclose(with_field.days, without.days, rtol=1e-14)
 
@@ -183,7 +183,7 @@ def test_sd_without_dynamics():
     """SD² = SD₀² + 2 ρ̂ c SD₀ S + c² S², S the uniform settlement."""
     case, n = varying_case(still=True), 6
     u0, h = toy.profiles(range(n)), fields(n, replace(EXPONENTIAL, profile_correlation=0.5))
-    outcome = engine_for(case).run(u0, np.array([0.0, 3.0, 9.0]), sections=Sections(h))
+    outcome = engine_for(case).run(u0, np.array([0.0, 3.0, 9.0]), support=Support(h))
     sd0 = np.sqrt(0.5 * np.sum(np.abs(u0) ** 2, axis=1))
     band = h[:, 0, FIRST - 1 : 66]
     c = np.sqrt(0.5 * np.sum(np.abs(band) ** 2, axis=1))
@@ -201,8 +201,8 @@ def test_factor_and_coefficient_trade_exactly():
     case, u = varying_case(still=True), toy.profiles(range(4))
     half = replace(case, model=replace(case.model, settlement_factor=toy.FACTOR / 2.0))
     h, days = fields(4), np.array([0.0, 5.0, 20.0])
-    one = engine_for(case).run(u, days, sections=Sections(h))
-    two = engine_for(half).run(u, days, sections=Sections(2.0 * h))
+    one = engine_for(case).run(u, days, support=Support(h))
+    two = engine_for(half).run(u, days, support=Support(2.0 * h))
     np.testing.assert_allclose(one.days, two.days, rtol=1e-12)
     np.testing.assert_allclose(one.mean_settlement, 2.0 * two.mean_settlement, rtol=1e-12)
 
@@ -225,7 +225,7 @@ def test_a_field_of_the_profile_tamps_every_track_on_one_day():
     ratio = band / u
     np.testing.assert_allclose(ratio, ratio[:, :1].real * np.ones(61), rtol=1e-12)
     c = np.sqrt(0.5 * np.sum(np.abs(band) ** 2, axis=1))
-    outcome = engine_for(case).run(u, np.zeros(0), sections=Sections(h * (0.3 / c)[:, None, None]))
+    outcome = engine_for(case).run(u, np.zeros(0), support=Support(h * (0.3 / c)[:, None, None]))
     assert outcome.reached.all()
     np.testing.assert_allclose(outcome.days, outcome.days[0], rtol=1e-9)
 
@@ -253,10 +253,10 @@ def test_one_settling_group_of_linear_growth():
 
 def test_identical_trains_still_count_alone():
     """One more of 72 equal trains: days in proportion 72/73, whatever the support."""
-    u, sections = toy.profiles(range(4)), Sections(fields(4))
+    u, support = toy.profiles(range(4)), Support(fields(4))
     days = [
         engine_for(varying_case(services=(("passenger", q),)))
-        .run(u, np.zeros(0), sections=sections)
+        .run(u, np.zeros(0), support=support)
         .days
         for q in (72, 73)
     ]

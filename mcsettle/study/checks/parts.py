@@ -9,7 +9,8 @@ from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
 from mcsettle.study.schema.grounds import GroundsTable
 from mcsettle.study.schema.profile import ProfileTable
 from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
-from mcsettle.study.schema.run import LimitTable, RunTable
+from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
+from mcsettle.study.schema.spatial_variability import SpatialVariabilityTable
 from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.track import TrackTable
 from mcsettle.study.schema.traffic import ScenarioTable, TrainTable, VehicleTable
@@ -18,6 +19,8 @@ from mcsettle.study.schema.variants import VariantTable
 _SINGLE: Mapping[str, type[Table]] = {
     "track": TrackTable,
     "profile": ProfileTable,
+    "settlement": SettlementTable,
+    "spatial_variability": SpatialVariabilityTable,
     "limit": LimitTable,
     "economics": EconomicsTable,
     "calibration": CalibrationTable,
@@ -25,7 +28,7 @@ _SINGLE: Mapping[str, type[Table]] = {
     "run": RunTable,
     "grounds": GroundsTable,
 }
-_OPTIONAL = ("track", "profile", "run")
+_OPTIONAL = ("track", "profile", "settlement", "run")
 _MANY: Mapping[str, type[Table]] = {
     "trains": TrainTable,
     "vehicles": VehicleTable,
@@ -41,6 +44,8 @@ class Parts:
 
     track: TrackTable | None = None
     profile: ProfileTable | None = None
+    settlement: SettlementTable | None = None
+    spatial_variability: SpatialVariabilityTable | None = None
     limit: LimitTable | None = None
     economics: EconomicsTable | None = None
     calibration: CalibrationTable | None = None
@@ -62,6 +67,8 @@ def parts_of(study: StudyTables) -> Parts:
     return Parts(
         track=study.track_table,
         profile=study.profile,
+        settlement=study.settlement,
+        spatial_variability=study.spatial_variability,
         limit=study.limit,
         economics=study.economics,
         calibration=study.calibration,

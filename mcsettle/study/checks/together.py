@@ -1,7 +1,7 @@
 """Every check of the tables of a study read together, and the remarks on a study that will run."""
 
 from mcsettle.step_a.critical_speed import NEAR_CRITICAL
-from mcsettle.study.checks import economics, names, profile, run, track, traffic
+from mcsettle.study.checks import economics, forms, names, profile, run, track, traffic
 from mcsettle.study.checks.parts import Parts
 from mcsettle.study.faults import Fault
 from mcsettle.units import KMH
@@ -16,6 +16,9 @@ CHECKS = (
     economics.maintenance_faults,
     traffic.speed_faults,
     run.stepping_faults,
+    forms.variability_faults,
+    forms.counting_faults,
+    forms.load_faults,
 )
 
 

@@ -10,7 +10,10 @@ from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.uncertain import CorrelationTable, UncertainTable
 from mcsettle.study.uncertain import FACTOR, normal_scores_correlation, with_values
 
-ROOTS = ("track", "profile", "settlement", "limit", "economics", "trains", "scenarios", "variants")
+ROOTS = (
+    *("track", "profile", "settlement", "spatial_variability", "limit", "economics"),
+    *("trains", "scenarios", "variants"),
+)
 # What fixes which tracks there are, or how long they are followed, is the same in every set.
 FIXED = ("profile.window_m", "profile.shortest_m", "profile.longest_m", "limit.horizon_years")
 

@@ -16,7 +16,11 @@ Cycles = Annotated[float, Field(ge=1, le=1e12)]
 Soil = Literal["linear", "equivalent_linear"]
 Spectrum = Literal["fra", "fra_one_corner", "german_low", "german_high"]
 StressKind = Literal["traffic", "total"]
-CycleCount = Literal["shared", "per_vehicle"]
+CycleCount = Literal["shared", "per_vehicle", "equivalent"]
+Exponent = Annotated[float, Field(ge=0, le=30)]
+History = Literal["mix", "reference"]
+Share = Annotated[float, Field(ge=0, le=1)]
+LogSd = Annotated[float, Field(ge=0, le=3)]
 
 
 class Table(BaseModel):

@@ -4,7 +4,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mcsettle.study.schema.base import CycleCount, Cycles, Digest, StressKind, Table
+from mcsettle.study.schema.base import (
+    CycleCount,
+    Cycles,
+    Digest,
+    Exponent,
+    History,
+    LogSd,
+    StressKind,
+    Table,
+)
 from mcsettle.study.schema.quantities import Days, Metres, Millimetres, Years
 from mcsettle.units import DAYS_PER_YEAR, MM
 
@@ -22,6 +31,12 @@ class SettlementTable(Table):
     cycles_per_passage: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     settlement_factor: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     integration_depth_m: Annotated[Metres, Field(le=100)] = 5.5
+    equivalence_exponent: Exponent | Literal["law"] | None = None
+    ballast_equivalence_exponent: Exponent | None = None
+    equivalence_history: History | None = None
+    long_run_cycles: Cycles | None = None
+    long_run_strength: Annotated[float, Field(ge=0, le=1000)] | None = None
+    section_log_sd: LogSd | None = None
     factor_digest: Digest | None = None
 
 

@@ -11,6 +11,7 @@ from mcsettle.study.schema.observed import ObservedTable
 from mcsettle.study.schema.profile import ProfileTable
 from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
 from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
+from mcsettle.study.schema.spatial_variability import SpatialVariabilityTable
 from mcsettle.study.schema.track import TrackTable
 from mcsettle.study.schema.traffic import ScenarioTable, TrainTable, VehicleTable
 from mcsettle.study.schema.uncertain import CorrelationTable, UncertainTable
@@ -30,6 +31,7 @@ class StudyTables(Table):
     track_table: TrackTable = Field(default=TrackTable(), alias="track")
     profile: ProfileTable = ProfileTable()
     settlement: SettlementTable = SettlementTable()
+    spatial_variability: SpatialVariabilityTable | None = None
     limit: LimitTable
     run: RunTable = RunTable()
     economics: EconomicsTable | None = None

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mcsettle.railway.modulus_curves import Kind
-from mcsettle.study.schema.base import Fraction, Name, Positive, Soil, Table
+from mcsettle.study.schema.base import Fraction, Name, Positive, Share, Soil, Table
 from mcsettle.study.schema.quantities import (
     Area,
     Density,
@@ -18,6 +18,8 @@ from mcsettle.study.schema.quantities import (
     SpringStiffness,
     quantity,
 )
+
+LoadPerRail = Literal["half", "whole"]
 
 
 class LayerTable(Table):
@@ -109,7 +111,9 @@ class UnderSleeperPadTable(Table):
 class TrackTable(Table):
     """``[track]``: a named track of the paper and what differs from it.
 
-    ``hertz_stiffness_n_per_m`` is of the contact of one wheelset: two rails.
+    ``hertz_stiffness_n_per_m`` is of the contact of one wheelset: two rails. ``rail_bending_share``
+    (default 0) and ``load_per_rail`` (default "half"): how much of the rail's bending counts, and how
+    much of a wheelset's load presses on each rail.
     """
 
     library: Name | None = None
@@ -119,6 +123,8 @@ class TrackTable(Table):
     damping_convention: Literal["damping_ratio", "loss_factor"] = "damping_ratio"
     allow_supercritical: bool = False
     hertz_stiffness_n_per_m: SpringStiffness = 2.72e9
+    rail_bending_share: Share | None = None
+    load_per_rail: LoadPerRail | None = None
     rail: RailTable = RailTable()
     pad: PadTable = PadTable()
     sleeper: SleeperTable = SleeperTable()

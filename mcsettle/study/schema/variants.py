@@ -8,7 +8,11 @@ from mcsettle.study.schema.base import (
     CycleCount,
     Cycles,
     Digest,
+    Exponent,
+    History,
+    LogSd,
     Name,
+    Share,
     Soil,
     Spectrum,
     StressKind,
@@ -16,7 +20,14 @@ from mcsettle.study.schema.base import (
     Text,
 )
 from mcsettle.study.schema.quantities import Metres
-from mcsettle.study.schema.track import LayerTable
+from mcsettle.study.schema.spatial_variability import SpatialVariabilityTable
+from mcsettle.study.schema.track import LayerTable, LoadPerRail
+
+
+class VariantTrainTable(Table):
+    """``[variants.trains.<name>]``: what a variant reads otherwise in a train of the study."""
+
+    car_length_m: Metres
 
 
 class VariantTable(Table):
@@ -35,5 +46,15 @@ class VariantTable(Table):
     cycles_per_passage: Annotated[float, Field(gt=0, le=1e6)] | None = None
     settlement_factor: Annotated[float, Field(gt=0, le=1e6)] | None = None
     integration_depth_m: Annotated[Metres, Field(le=100)] | None = None
+    equivalence_exponent: Exponent | Literal["law"] | None = None
+    ballast_equivalence_exponent: Exponent | None = None
+    equivalence_history: History | None = None
+    long_run_cycles: Cycles | None = None
+    long_run_strength: Annotated[float, Field(ge=0, le=1000)] | None = None
+    section_log_sd: LogSd | None = None
+    rail_bending_share: Share | None = None
+    load_per_rail: LoadPerRail | None = None
+    spatial_variability: SpatialVariabilityTable | None = None
+    trains: dict[Name, VariantTrainTable] = Field(default={})
     factor_digest: Digest | None = None
     layers: dict[Name, LayerTable] = Field(default={})
