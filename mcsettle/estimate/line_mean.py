@@ -8,13 +8,14 @@ interval, so the mean cost lies above the cost at the mean.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import ndtri
 
 from mcsettle.estimate.crossed import crossed_mean, crossed_quantiles
 from mcsettle.estimate.estimate import CONFIDENCE, LEVELS, Estimate, Statistic
-from mcsettle.estimate.line_mean_error import line_intervals
+from mcsettle.estimate.line_mean_error import Moments, line_intervals, section_moments
 from mcsettle.estimate.resampling import Resampling, Weights, plain_weights
 from mcsettle.estimate.sample import mean, quantile
 
@@ -77,6 +78,7 @@ def line_means(
     drawn = Resampling(values.shape, seed, set_weights).of_sets(some)
     lost = int(np.sum(np.isnan(values)))
     whole = _mean(values, unit, note, set_weights)
+    of_sections = section_moments(values[some], drawn)
     rows = []
     for length in lengths_km:
         count = round(1000.0 * length / section_m)
@@ -85,8 +87,7 @@ def line_means(
         if count == 1:
             found = _of_sections(values, unit, note, set_weights)
         else:
-            rng = np.random.default_rng([seed, count])
-            found = _of_lines(values[some], count, rng, drawn, (lost, unit, note))
+            found = _of_lines(values[some], count, seed, drawn, of_sections, (lost, unit, note))
         rows.append(LineMean(length, count, found, whole))
     return rows
 
@@ -123,18 +124,19 @@ def _of_sections(
 def _of_lines(
     values: np.ndarray,
     count: int,
-    rng: np.random.Generator,
+    seed: int,
     drawn: Resampling,
+    of_sections: Moments | None,
     about: tuple[int, str, str],
 ) -> tuple[Estimate, ...]:
     """Quantiles of lines of ``count`` sections; no set is all unknown."""
     lost, unit, note = about
-    lines = _drawn_lines(values, count, rng)
+    lines = _drawn_lines(values, count, seed)
     n = int(np.sum(~np.isnan(values)))
     at = [float(q) for q in _weighted_quantiles(lines, drawn.by_set[0])]
     found = []
     for value, ends in zip(
-        at, line_intervals(values, lines, count, LEVELS, at, drawn), strict=True
+        at, line_intervals(of_sections, lines, count, LEVELS, at, drawn), strict=True
     ):
         sides = [abs(end - value) for end in ends if end is not None]
         error = float(np.mean(sides) / ndtri(0.5 + 0.5 * CONFIDENCE)) if sides else None
@@ -142,12 +144,20 @@ def _of_lines(
     return tuple(found)
 
 
-def _drawn_lines(values: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+def _drawn_lines(values: np.ndarray, count: int, seed: int) -> np.ndarray:
     """Means [E, n] of ``count`` sections each, drawn with replacement within one parameter set."""
+    sections = [row[~np.isnan(row)] for row in values]
+    rows = _drawn_rows(tuple(map(len, sections)), count, seed)
+    return np.array([own[drawn].mean(axis=1) for own, drawn in zip(sections, rows, strict=True)])
+
+
+@lru_cache(maxsize=len(LENGTHS_KM))
+def _drawn_rows(sizes: tuple[int, ...], count: int, seed: int) -> list[np.ndarray]:
+    """Places [n, count] of the sections of every line, in sets of ``sizes``; alike for all metrics."""
+    rng = np.random.default_rng([seed, count])
     n_lines = max(200, min(LINES, LARGEST_DRAW // count))
-    each = -(-n_lines // len(values))
-    sections = (row[~np.isnan(row)] for row in values)
-    return np.array([rng.choice(own, size=(each, count)).mean(axis=1) for own in sections])
+    each = -(-n_lines // len(sizes))
+    return [rng.integers(0, size, (each, count)) for size in sizes]
 
 
 def _weighted_quantiles(means: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -65,8 +65,18 @@ def curve(level: float | np.ndarray, skew: np.ndarray) -> np.ndarray:
     )
 
 
+def section_moments(values: np.ndarray, drawn: Resampling) -> Moments | None:
+    """Moments of single sections [E, R], one or more known in every set, in each resample.
+
+    None where there is but one track.
+    """
+    if values.shape[1] < 2:
+        return None
+    return moments(values, drawn.by_track).times(drawn.factors[:, None])
+
+
 def line_intervals(
-    values: np.ndarray,
+    of_sections: Moments | None,
     lines: np.ndarray,
     count: int,
     levels: Sequence[float],
@@ -77,11 +87,11 @@ def line_intervals(
 
     Parameters
     ----------
-    values : ndarray, shape [E, R], of single sections; at least one known in every set
+    of_sections : ``section_moments``
     lines : ndarray, shape [E, n], means over lines of every set
     count : sections of a line, at least 2
     levels, quantiles : shape [L]
-    drawn : of the sets and tracks of ``values``
+    drawn : of the sets and tracks
 
     Returns
     -------
@@ -89,7 +99,7 @@ def line_intervals(
         None where that side is open.
     """
     found = []
-    of_tracks = _tracks(values, count, levels, drawn)
+    of_tracks = _tracks(of_sections, count, levels, drawn)
     for level, value, reaches in zip(levels, quantiles, of_tracks, strict=True):
         ends = []
         of_sets = _sets(lines, level, value, drawn.by_set[0])
@@ -101,16 +111,16 @@ def line_intervals(
 
 
 def _tracks(
-    values: np.ndarray, count: int, levels: Sequence[float], drawn: Resampling
+    of_sections: Moments | None, count: int, levels: Sequence[float], drawn: Resampling
 ) -> list[tuple[float, float]]:
     """How far the quantiles reach down and up for want of tracks; infinite where unknown."""
-    if values.shape[1] < 2:
+    if of_sections is None:
         return [(np.inf, np.inf) for _ in levels]
-    found = moments(values, drawn.by_track).times(drawn.factors[:, None])
-    if len(values) == 1:
-        return [_one_set(found, count, level, values.shape[1]) for level in levels]
+    if of_sections.mean.shape[1] == 1:
+        n_tracks = drawn.by_track.shape[1]
+        return [_one_set(of_sections, count, level, n_tracks) for level in levels]
     reaches = []
-    for own in _mixed(found, count, levels, drawn.sets_kept):
+    for own in _mixed(of_sections, count, levels, drawn.sets_kept):
         others = own[1:][np.isfinite(own[1:])]
         if len(others) < 2:
             reaches.append((np.inf, np.inf))

@@ -15,6 +15,7 @@ import copy
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
@@ -107,12 +108,7 @@ class Resampling:
     """
 
     def __init__(self, shape: tuple[int, ...], seed: int = 0, set_weights: Weights = None) -> None:
-        rng = np.random.default_rng(seed)
-        parts = []
-        for n in shape:
-            drawn = rng.multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES).astype(float)
-            parts.append(np.vstack([np.ones(n), drawn]))
-        self.by_set, self.by_track = parts
+        self.by_set, self.by_track = _counts(shape, seed)
         self.sizes = [float(n) for n in shape]
         self.sets_kept = np.ones_like(self.by_set)
         self.factors = np.ones(len(self.by_set))
@@ -131,6 +127,18 @@ class Resampling:
         found = copy.copy(self)
         found.by_set, found.sets_kept = self.by_set[:, chosen], self.sets_kept[:, chosen]
         return found
+
+
+@lru_cache(maxsize=4)
+def _counts(shape: tuple[int, ...], seed: int) -> tuple[np.ndarray, ...]:
+    """How often each set [B, E] and each track [B, R] is there; the first row is the sample itself."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for n in shape:
+        drawn = rng.multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES).astype(float)
+        parts.append(np.vstack([np.ones(n), drawn]))
+        parts[-1].setflags(write=False)  # all numbers of a summary resample alike
+    return tuple(parts)
 
 
 def tail(sizes: Sequence[float]) -> float:

@@ -1,6 +1,8 @@
 """Estimates from one sample: quantiles, means and effects of censored days, each with its interval."""
 
 import warnings
+from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,11 @@ from scipy import special, stats
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import CONFIDENCE, LEVELS, Estimate, Statistic
+
+CHUNK, LARGEST_KEPT = (
+    50_000,
+    4_000_000,
+)  # rows drawn at a time, and kept for the next sample as large
 
 
 def quantile(
@@ -281,10 +288,20 @@ def _order_statistics(
     sample: np.ndarray, level: float, confidence: float
 ) -> tuple[float | None, float | None]:
     """Binomial confidence interval of a quantile, two-sided; None where the sample gives none."""
-    result = stats.quantile_test(sample, q=0.0, p=level)
-    interval: Any = result.confidence_interval(confidence)
-    low, high = interval
-    return _finite(low), _finite(high)
+    ordered = np.sort(sample)
+    low, high = _binomial_ends(len(ordered), level, confidence)
+    return (
+        _finite(ordered[low]) if low >= 0 else None,
+        _finite(ordered[high]) if high < len(ordered) else None,
+    )
+
+
+@lru_cache(maxsize=256)
+def _binomial_ends(n: int, level: float, confidence: float) -> tuple[int, int]:
+    """Places of the order statistics of n values between which a quantile lies (Conover 1999, 3.2)."""
+    below = stats.binom(n, level)
+    tail = (1.0 - confidence) / 2.0
+    return int(below.ppf(tail)) - 1, int(below.isf(tail))
 
 
 def _interpolated(sample: np.ndarray, level: float) -> float:
@@ -324,15 +341,31 @@ def _studentised(
     """Interval of a mean from resampled t statistics: right for skew and small samples alike."""
     n, value = len(sample), float(np.mean(sample))
     error = float(np.std(sample, ddof=1)) / np.sqrt(n)
-    rng, found = np.random.default_rng(seed), []
-    batch = max(1, 2_000_000 // n)
-    for first in range(0, n_resamples, batch):
-        drawn = sample[rng.integers(0, n, (min(batch, n_resamples - first), n))]
-        own = np.std(drawn, axis=1, ddof=1) / np.sqrt(n)
-        off = np.mean(drawn, axis=1) - value
-        found.append(np.divide(off, own, out=np.zeros_like(off), where=own > 0.0))
-    low, high = np.quantile(np.concatenate(found), [0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence])
+    scores = []
+    for rows in _resampled_rows(n, n_resamples, seed):
+        drawn = sample[rows]
+        means = np.mean(drawn, axis=1)
+        errors = np.std(drawn, axis=1, ddof=1, mean=means[:, None]) / np.sqrt(n)
+        off = means - value
+        scores.append(np.divide(off, errors, out=np.zeros_like(off), where=errors > 0.0))
+    tail = 0.5 - 0.5 * confidence
+    low, high = np.quantile(np.concatenate(scores), [tail, 0.5 + 0.5 * confidence])
     return value - float(high) * error, value - float(low) * error
+
+
+def _resampled_rows(n: int, n_resamples: int, seed: int) -> Iterable[np.ndarray]:
+    """Rows of a sample drawn with replacement, [b, n] at a time: few enough to stay in the cache."""
+    if n * n_resamples <= LARGEST_KEPT:
+        drawn = _kept_rows(n, n_resamples, seed)
+        return np.array_split(drawn, max(1, drawn.size // CHUNK))
+    rng, step = np.random.default_rng(seed), max(1, CHUNK // n)
+    firsts = range(0, n_resamples, step)
+    return (rng.integers(0, n, (min(step, n_resamples - first), n)) for first in firsts)
+
+
+@lru_cache(maxsize=2)
+def _kept_rows(n: int, n_resamples: int, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, n, (n_resamples, n))
 
 
 def _z(confidence: float) -> float:
