@@ -1,6 +1,9 @@
-"""Imports point one way, Taichi lives in one directory, and the build map equals the tree."""
+"""Imports point one way, Taichi lives in one directory, rooms and functions stay small, and the build
+map equals the tree.
+"""
 
 import ast
+import functools
 import subprocess
 import sys
 import tomllib
@@ -32,17 +35,26 @@ def sources() -> list[tuple[str, Path]]:
 SOURCES = sources()
 
 
+@functools.cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@functools.cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(tree_of(path)))
+
+
 def imported(path: Path, typing: bool = False) -> set[str]:
     """Every name that ``path`` imports; ``typing``: those under ``if TYPE_CHECKING`` too."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     hidden = {
         inner
-        for node in ast.walk(tree)
+        for node in nodes_of(path)
         if not typing and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
         for inner in ast.walk(node)
     }
     names: set[str] = set()
-    for node in set(ast.walk(tree)) - hidden:
+    for node in set(nodes_of(path)) - hidden:
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -92,6 +104,133 @@ def test_only_kernels_import_taichi_and_nothing_is_imported_bare(module: str, pa
 @pytest.mark.parametrize("path", sorted((ROOT / "tests").rglob("*.py")), ids=lambda p: p.name)
 def test_tests_import_nothing_bare(path: Path) -> None:
     assert not {name.split(".")[0] for name in imported(path)} & {"kernels", "cli"}
+
+
+# --- sizes ----------------------------------------------------------------------------------------
+
+MODULE, FUNCTION, KERNEL = 400, 60, 80  # most lines of a module, of a function, of one in kernels/
+# What is still longer. This list only shrinks: an entry that is no longer needed fails too.
+LONGER = {
+    "mcsettle.cli.report.report",
+    "mcsettle.study.study",
+    "mcsettle.railway.record_sections.cut",
+    "mcsettle.step_a.interaction.precompute",
+    "mcsettle.step_b.runge_kutta.integrate",
+    "mcsettle.kernels.burst.burst",
+    "mcsettle.kernels.pointwise.burst",
+}
+# Functions outside study/, cli/ and report/ that take a Study. This number only falls.
+STUDY_TAKERS = 66
+
+
+def functions(path: Path) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:
+    return [n for n in nodes_of(path) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)]
+
+
+def test_modules_and_functions_are_short() -> None:
+    longer = set()
+    for module, path in SOURCES:
+        if len(path.read_text(encoding="utf-8").splitlines()) > MODULE:
+            longer.add(module)
+        most = KERNEL if room_of(module) == "kernels" else FUNCTION
+        longer |= {
+            f"{module}.{function.name}"
+            for function in functions(path)
+            if function.end_lineno - function.lineno + 1 > most
+        }
+    assert longer == LONGER
+
+
+def test_the_top_of_the_package_is_small() -> None:
+    top = [path for path in (ROOT / "mcsettle").iterdir() if path.name != "__pycache__"]
+    assert len(top) <= 19
+    assert len([path for path in top if path.suffix == ".py" and path.stem != "__init__"]) <= 6
+
+
+@pytest.mark.parametrize("room", [r for r in ROOMS if (ROOT / "mcsettle" / r).is_dir()])
+def test_a_rooms_door_says_what_it_is_and_no_more(room: str) -> None:
+    door = ROOT / "mcsettle" / room / "__init__.py"
+    (only,) = tree_of(door).body
+    assert isinstance(only, ast.Expr)
+    assert isinstance(only.value, ast.Constant)
+    assert 10 <= len(door.read_text(encoding="utf-8").splitlines()) <= 14
+
+
+def takes_a_study(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    given = function.args
+    return any(
+        isinstance(node, ast.Name) and node.id == "Study"
+        for argument in (*given.posonlyargs, *given.args, *given.kwonlyargs)
+        if argument.annotation is not None
+        for node in ast.walk(argument.annotation)
+    )
+
+
+def test_few_functions_take_a_study() -> None:
+    takers = [
+        f"{module}.{function.name}"
+        for module, path in SOURCES
+        if room_of(module) not in ("study", "report", "cli")
+        for function in functions(path)
+        if takes_a_study(function)
+    ]
+    assert len(takers) <= STUDY_TAKERS, takers
+    assert len(takers) > STUDY_TAKERS - 10, f"{len(takers)}: lower the number"
+
+
+# --- tests ----------------------------------------------------------------------------------------
+
+
+def patches(path: Path) -> set[tuple[str, str]]:
+    """(module, name) of everything of ours that a test file replaces by ``setattr``."""
+    alias, pairs = {}, set()
+    for node in nodes_of(path):
+        if isinstance(node, ast.ImportFrom):
+            alias |= {a.asname or a.name: f"{node.module}.{a.name}" for a in node.names}
+    for node in nodes_of(path):
+        if isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "setattr":
+            where, name = node.args[0], getattr(node.args[1], "value", None)
+            if isinstance(where, ast.Constant):
+                pairs.add(tuple(where.value.rsplit(".", 1)))
+            elif isinstance(where, ast.Name) and isinstance(name, str):
+                pairs.add((alias.get(where.id, ""), name))
+    return pairs
+
+
+@functools.cache
+def look_ups() -> set[tuple[str, str]]:
+    """(module, name) of every name that is looked up when it is used: replacing it is noticed.
+
+    That is by a module's own functions, by ``module.name`` elsewhere (the module by its last name),
+    and by imports inside functions. What others import at their top is bound there and stays what it was.
+    """
+    pairs = set()
+    for module, path in SOURCES:
+        for node in nodes_of(path):
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+                pairs.add((module, node.id))
+            elif isinstance(node, ast.Attribute):
+                pairs.add((ast.unparse(node.value).rpartition(".")[2], node.attr))
+            elif isinstance(node, ast.ImportFrom) and node.col_offset > 0:
+                pairs |= {(str(node.module), a.name) for a in node.names}
+    return pairs
+
+
+def test_what_a_test_replaces_is_looked_up_there() -> None:
+    modules = {module for module, _ in SOURCES}
+    replaced = {
+        pair
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        for pair in patches(path)
+        if pair[0] in modules
+    }
+    assert len(replaced) > 20
+    unseen = [
+        f"{module}.{name}"
+        for module, name in sorted(replaced)
+        if not look_ups() & {(module, name), (module.rpartition(".")[2], name)}
+    ]
+    assert unseen == []
 
 
 def test_no_postponed_annotations_in_kernels() -> None:

@@ -4,5 +4,7 @@
 page together from one module a part, ``render`` writes it. No number is computed here twice: they
 come from ``summary`` and the modules below it.
 
+Read first: ``material``, then ``page``. Pictures are drawn in ``figures/``.
+
 Depends on: nothing; see the modules.
 """

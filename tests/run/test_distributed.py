@@ -62,7 +62,7 @@ def here():
 def in_process(here, monkeypatch):
     """``local`` is the cluster of this process, whose kernels stay where they are."""
     monkeypatch.setattr(worker, "_own_kernels", lambda: None)
-    monkeypatch.setattr(worker, "_bench", None)
+    monkeypatch.setattr(worker, "_state", None)
     monkeypatch.setattr(cluster, "_ADDRESS", re.compile(r"inproc://.*"))
     monkeypatch.setattr(cluster, "workers", lambda *_: contextlib.nullcontext((here, None)))
 
