@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 # One BLAS thread a process: the work is parallel elsewhere, and results must not depend on it.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help env study test test-slow test-browser check lint types format paper bench clean
+.PHONY: help env study test test-slow test-browser check lint types format paper bench docs clean
 
 help:
 	@echo "make study      run studies/linespeed.toml: results in $(RESULTS)/linespeed, summary, picture"
@@ -14,6 +14,7 @@ help:
 	@echo "make check      lint, types and tests: what CI runs"
 	@echo "make paper      both studies of the paper, with their reports: $(RESULTS)/linespeed.html, traffic.html"
 	@echo "make test-browser  the report in a headless Chromium"
+	@echo "make docs       the documentation as a site: build/site/index.html"
 	@echo "make bench      realisations a second"
 	@echo "make env        the environment only       make clean      forget everything built"
 
@@ -69,6 +70,17 @@ types: env
 bench: env
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[bench]"
 	$(BIN)/python studies/benchmark.py
+
+# The site needs no package but those of the extra: it reads the sources.
+docs: build/docs/.installed
+	NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --strict
+	@echo "build/site/index.html; with search: python -m http.server -d build/site"
+
+build/docs/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv build/docs
+	build/docs/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt $$($(PYTHON) -c \
+	    "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['docs'])")
+	touch $@
 
 clean:
 	rm -rf build dist $(VENV) *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

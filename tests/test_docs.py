@@ -252,3 +252,18 @@ def test_every_verification_case_and_file_is_listed() -> None:
     assert [
         name for name in [*CASES, *files] if not re.search(rf"[`/]{re.escape(name)}`", text)
     ] == []
+
+
+def test_every_public_name_is_in_the_python_reference() -> None:
+    import mcsettle
+
+    text = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
+    names = re.findall(r"^::: mcsettle\.(\w+)$", text, re.MULTILINE)
+    assert sorted(names) == sorted(mcsettle.__all__)
+
+
+def test_every_page_is_in_the_contents_of_the_site() -> None:
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n")[1]
+    pages = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
+    outside = {"index.md", "studies.md", "contributing.md", "changelog.md"}
+    assert set(re.findall(r"[\w/-]+\.md", text)) == pages | outside
