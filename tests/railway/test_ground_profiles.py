@@ -90,4 +90,4 @@ def test_the_dutch_grounds_say_what_their_slabs_merge() -> None:
         in remark
     )
     thin = [merged_layers(ground, slabs(0.5, 6.0, 2.0, 12.0)) for ground in study.grounds()]
-    assert sum(any(m.height < 0.51 for m in layers) for layers in thin) == 58
+    assert sum(any(m.height < 0.51 for m in layers) for layers in thin) == 57
