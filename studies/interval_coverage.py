@@ -198,7 +198,7 @@ def conditioned_on(renewed: bool) -> Callable[..., Outcome]:
         entry = Observation(None, SEEN, SEEN_ERROR)
         weights = Likelihood((log_of(entry, days),), ()).weights()
         given = weights if renewed else weights.values
-        found = nested.crossed_quantile(days, days, 0.5, "d", set_weights=given)
+        found = nested.crossed_quantiles(days, days, (0.5,), "d", set_weights=given)[0]
         return [(found, conditioned_median())]
 
     return run
@@ -288,7 +288,7 @@ def conditioned_fitted(rng: np.random.Generator) -> Outcome:
 
     fitted = weights_of_fits(longer, np.exp(np.array(logs) - max(logs)), 64)
     weights = as_interval(fitted)
-    return [(nested.crossed_quantile(days, days, 0.5, "d", set_weights=weights), 697.0)]
+    return [(nested.crossed_quantiles(days, days, (0.5,), "d", set_weights=weights)[0], 697.0)]
 
 
 def own_posterior() -> tuple[np.ndarray, np.ndarray]:
@@ -366,7 +366,7 @@ def censored_rows_dropped(rng: np.random.Generator) -> Outcome:
 def weights_left_out(rng: np.random.Generator) -> Outcome:
     """As though nothing had been observed."""
     days = crossed(rng, 256, 40)
-    return [(nested.crossed_quantile(days, days, 0.5, "d"), conditioned_median())]
+    return [(nested.crossed_quantiles(days, days, (0.5,), "d")[0], conditioned_median())]
 
 
 EXPERIMENTS = (

@@ -71,18 +71,6 @@ def crossed_quantiles(
     return found
 
 
-def crossed_quantile(
-    lowest: np.ndarray,
-    highest: np.ndarray,
-    level: float,
-    unit: str,
-    seed: int = 0,
-    set_weights: Weights = None,
-) -> Estimate:
-    """One quantile (``crossed_quantiles``)."""
-    return crossed_quantiles(lowest, highest, (level,), unit, seed, set_weights)[0]
-
-
 def crossed_interval_quantile(
     days: np.ndarray,
     censored_at: np.ndarray,

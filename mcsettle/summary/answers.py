@@ -78,9 +78,10 @@ def answers(results: Results, variant: str | None = None) -> Answers:
     intervals, effects = {}, {}
     for form in forms:
         weights = set_weights(results, form)
-        own = results.realisations[results.realisations["variant"] == form]
+        own = results.of_variant(form)
         for scenario in study.scenario_names:
-            table = own[(own["scenario"] == scenario) & (own["status"] != "failed")]
+            table = results.part("realisations", form, scenario)
+            table = table[table["status"] != "failed"]
             if table.empty:
                 continue
             intervals[form, scenario] = _interval(table, weights)
@@ -140,8 +141,7 @@ def _effect(
     prices = study.priced
     if change is None or prices is None or results.effects.empty:
         return None
-    table = results.effects
-    table = table[(table["variant"] == form) & (table["scenario"] == scenario)]
+    table = results.part("effects", form, scenario)
     table = table[table["status"].isin(["paired", "censored"])]
     if table.empty:
         return None
@@ -220,7 +220,7 @@ def _line_mean(
         note = f"{n - unknown} of {n} pairs reach the limit"
         return Estimate(None, None, None, None, n, unknown, unit, note)
     if len(costs) > 1:
-        own = results.realisations[results.realisations["variant"] == form]
+        own = results.of_variant(form)
         exponent = cost_exponent(results.study, own)
         of_sets = None if weights is None else as_interval(weights, exponent)
         found = crossed_mean(costs, unit, set_weights=of_sets)

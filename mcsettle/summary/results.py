@@ -31,13 +31,34 @@ class Results:
         """The parameter sets of the study."""
         return all_sets(self.study)
 
+    @cached_property
+    def _by_scenario(self) -> dict[str, dict[object, pd.DataFrame]]:
+        tables = {name: getattr(self, name) for name in ("realisations", "history", "effects")}
+        by = ["variant", "scenario"]
+        return {
+            name: {} if table.empty else dict(iter(table.groupby(by, sort=False, observed=True)))
+            for name, table in tables.items()
+        }
+
+    @cached_property
+    def _by_variant(self) -> dict[object, pd.DataFrame]:
+        return dict(iter(self.realisations.groupby("variant", sort=False, observed=True)))
+
+    def part(self, table: str, variant: str, scenario: str) -> pd.DataFrame:
+        """Rows of ``realisations``, ``history`` or ``effects`` of one variant and scenario."""
+        found = self._by_scenario[table].get((variant, scenario))
+        return getattr(self, table).iloc[:0] if found is None else found
+
+    def of_variant(self, variant: str) -> pd.DataFrame:
+        """Rows of ``realisations`` of one variant."""
+        return self._by_variant.get(variant, self.realisations.iloc[:0])
+
     def input_bands(self, variant: str) -> list[InputBand]:
         """What the observations leave of every uncertain input in ``variant``; empty without."""
         found = self.conditioning(variant)
         if found is None or not found.usable:
             return []
-        own = self.realisations[self.realisations["variant"] == variant]
-        drawn = own.groupby("parameter_set").first()
+        drawn = self.of_variant(variant).groupby("parameter_set").first()
         columns = {e.input: drawn[input_column(e.input)] for e in self.study.uncertain}
         return [
             InputBand(name, *weighted_bands(values.to_numpy(dtype=float), found.weights))

@@ -33,10 +33,13 @@ def matrix(table: pd.DataFrame, column: str, sets: np.ndarray | None = None) -> 
 
     ``sets`` [E] are all that the run has; a table from which failed rows are gone may lack some.
     """
-    wide = table.pivot(index="parameter_set", columns="realisation", values=column)
+    own_sets, row = np.unique(table["parameter_set"].to_numpy(dtype=int), return_inverse=True)
+    tracks, track = np.unique(table["realisation"].to_numpy(dtype=int), return_inverse=True)
     if sets is not None:
-        wide = wide.reindex(sets)
-    return wide.to_numpy(dtype=float, na_value=np.nan)
+        row = np.searchsorted(sets, own_sets)[row]
+    wide = np.full((len(own_sets if sets is None else sets), len(tracks)), np.nan)
+    wide[row, track] = table[column].to_numpy(dtype=float, na_value=np.nan)
+    return wide
 
 
 def sets_of(table: pd.DataFrame) -> np.ndarray:

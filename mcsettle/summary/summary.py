@@ -79,7 +79,7 @@ def summary_rows(results: Results) -> list[SummaryRow]:
 def _rows_of(
     results: Results, variant: str, scenario: str, weights: SetWeights | None
 ) -> Iterator[SummaryRow]:
-    table = _part(results.realisations, variant, scenario)
+    table = results.part("realisations", variant, scenario)
     if table.empty or (table["status"] == "failed").all():
         return
 
@@ -141,7 +141,7 @@ def _growth_rows(
     table = table.assign(to_limit=(limit - table["sd_initial_mm"]).astype(float))
     yield _growth_row(results, (variant, scenario, GROWTH), table, GROWTH, weights)
     published = _reference(results.study, INTERVAL, scenario)
-    history = _part(results.history, variant, scenario)
+    history = results.part("history", variant, scenario)
     if published is None or history.empty:
         return
     keys = ["parameter_set", "realisation"]
@@ -215,13 +215,13 @@ def _effect_rows(
     if results.effects.empty:
         return
     change = results.study.change(scenario)
-    table = _part(results.effects, variant, scenario)
+    table = results.part("effects", variant, scenario)
     if table.empty or change is None:
         return
     table = table[~table["status"].isin(["failed", "at_limit"])]
     if table.empty:
         return
-    own = results.realisations[results.realisations["variant"] == variant]
+    own = results.of_variant(variant)
     sets = sets_of(results.realisations)
     spreads = effect_spread(results.study, results.members, scenario, own, table)
     given: dict[str, list[Statistic]] = {}
@@ -298,10 +298,3 @@ def _with_reference(
 def _reference(study: Study, metric: str, scenario: str) -> ReferenceTable | None:
     rows = (r for r in study.reference if r.metric == metric and r.scenario == scenario)
     return next(rows, None)
-
-
-def _part(table: pd.DataFrame, variant: str, scenario: str) -> pd.DataFrame:
-    """Rows of one variant and scenario."""
-    if table.empty:
-        return table
-    return table[(table["variant"] == variant) & (table["scenario"] == scenario)]

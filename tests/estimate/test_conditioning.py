@@ -15,7 +15,7 @@ from toy import COST, FITTED, INTERVAL, LOAD, N0, uncertain
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.conditioning import Conditioning, conditioned, weighted_bands
-from mcsettle.estimate.crossed import crossed_mean, crossed_quantile
+from mcsettle.estimate.crossed import crossed_mean, crossed_quantiles
 from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.likelihood import Median
 from mcsettle.estimate.observation import Observation
@@ -116,13 +116,14 @@ def test_conditioned_bands_are_those_of_the_posterior():
     days = np.exp(logs)
     for level in (0.05, 0.5, 0.95):
         truth = 700.0 * np.exp(-mean + np.hypot(sd, OF_TRACK) * stats.norm.ppf(level))
-        estimate = crossed_quantile(days, days, level, "d", set_weights=found.weights)
+        estimate = crossed_quantiles(days, days, (level,), "d", set_weights=found.weights)[0]
         assert abs(estimate.value - truth) < 4 * estimate.standard_error
     split = variance_split(logs, "logarithm", found.weights)
     assert split.parameters.value == pytest.approx(sd**2 / (sd**2 + OF_TRACK**2), abs=0.05)
     # Weights that are all alike change nothing.
     plain, alike = (
-        crossed_quantile(days, days, 0.5, "d", set_weights=w) for w in (None, np.full(2048, 3.0))
+        crossed_quantiles(days, days, (0.5,), "d", set_weights=w)[0]
+        for w in (None, np.full(2048, 3.0))
     )
     assert plain == alike
     mean_ = crossed_mean(days, "d", set_weights=np.full(2048, 0.1))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mcsettle.economics import cost_exponent, present_value_slope
-from mcsettle.estimate.crossed import crossed_interval_quantile, crossed_mean, crossed_quantile
+from mcsettle.estimate.crossed import crossed_interval_quantile, crossed_mean, crossed_quantiles
 from mcsettle.estimate.likelihood import Likelihood, log_of
 from mcsettle.estimate.line_mean import line_means
 from mcsettle.estimate.observation import Course, Observation
@@ -76,8 +76,8 @@ def test_intervals_forget_what_the_fit_takes_away():
     """With the factors refitted the tracks hardly move the median; with them kept they do."""
     days, weights = fitted_days(), np.ones(SETS)
     refitted = as_interval(weights_of_fits(by_median(days), weights, TRACKS))
-    kept = crossed_quantile(days, days, 0.5, "d", set_weights=weights)
-    found = crossed_quantile(days, days, 0.5, "d", set_weights=refitted)
+    kept = crossed_quantiles(days, days, (0.5,), "d", set_weights=weights)[0]
+    found = crossed_quantiles(days, days, (0.5,), "d", set_weights=refitted)[0]
     assert found.value == kept.value
     assert found.standard_error < 0.4 * kept.standard_error
     assert found.upper - found.lower < 0.35 * (kept.upper - kept.lower)
