@@ -11,6 +11,7 @@ import os
 import platform
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,11 +31,19 @@ from baselines import (
 
 from mcsettle.kernels import runtime
 from mcsettle.railway.settlement_model import SettlementModel
+from mcsettle.railway.spatial_variability import (
+    SpatialVariability,
+    field_waves,
+    susceptibility,
+)
+from mcsettle.railway.spectra import spectrum
 from mcsettle.railway.traffic import Service, Timetable, Train
 from mcsettle.railway.vehicle import PASSENGER
 from mcsettle.step_a.transfer import TransferFunctions
-from mcsettle.step_b.case import Case
+from mcsettle.step_b.case import ALIKE, Case, Support
+from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.cycles import update_weights
+from mcsettle.step_b.passage import mode_numbers
 from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
 from mcsettle.step_b.stepwise import day_loads, pointwise_day_loads
 from mcsettle.units import KMH
@@ -73,11 +82,42 @@ def main() -> None:
             f"{share:.0%}" if share else "",
         ]
         print(f"| {name} | " + " | ".join([*cells, deviation(change, truth)]) + " |", flush=True)
+    cycle_jumps(transfer, model, tracks)
     print("\nRatios of rates per CPU second:\n")
     for ours in OURS:
         for other in OTHERS:
             if other in rates:
                 print(f"- {ours}: {rates[ours] / rates[other]:.3g} × {other}")
+
+
+def cycle_jumps(transfer: TransferFunctions, model: SettlementModel, tracks: np.ndarray) -> None:
+    """CPU time per step of the cycle jump, the support uniform and varying along the track."""
+    model = replace(model, settlement_factor=300.0)
+    uniform = replace(one_service(transfer, model), sd_limit=1.5e-3, horizon=1e4)
+    modes, n_layers = mode_numbers(transfer.wavenumbers, WINDOW), len(model.laws)
+    print("\n| cycle jump | CPU µs per step of one track | times as long |\n|--|--|--|")
+    first = None
+    for name, independent in (
+        ("uniform support", None),
+        ("one field in all layers", False),
+        ("a field in each layer", True),
+    ):
+        case, support = uniform, ALIKE
+        if independent is not None:
+            settings = SpatialVariability(
+                0.2, 5.0, multipliers=(1.0,) * n_layers, independent=independent
+            )
+            waves = field_waves(settings, modes, WINDOW, spectrum())
+            layers, indices = range(n_layers), range(len(tracks))
+            support = Support(susceptibility(settings, waves, 1, indices, layers))
+            case = replace(uniform, multipliers=settings.coupling(layers))
+        engine = CycleJump(case)
+        engine.run(tracks[:64], np.zeros(0), support=support[:64])  # compiled
+        start = time.process_time()
+        outcome = engine.run(tracks, np.zeros(0), support=support)
+        spent = (time.process_time() - start) / outcome.steps.sum()
+        first = first or spent
+        print(f"| {name} | {spent * 1e6:.3g} | {spent / first:.3g} |", flush=True)
 
 
 def deviation(change: np.ndarray | None, truth: np.ndarray) -> str:

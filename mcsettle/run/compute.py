@@ -28,6 +28,7 @@ from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Case, Outcome, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.engine import Engine, engine_for, foreseen_passages
+from mcsettle.step_b.equivalent_cycles import counting_remark
 from mcsettle.step_b.pointwise import LARGEST_EXPONENT
 from mcsettle.step_b.sd_map import roughness
 from mcsettle.storage import shard_record, store
@@ -169,7 +170,10 @@ def engine_of(job: Job, member: ParameterSet, scene: Scene, prepared: StepA) -> 
     """The engine of a scene; remarks on it go to ``job``."""
     case = build_case(scene, prepared)
     side, remarks = _right_hand_side(member, scene, case)
-    job.remarks += remarks
+    counting = counting_remark(case)
+    job.remarks += (
+        remarks if counting is None else [*remarks, f"{scene.variant} {scene.scenario}: {counting}"]
+    )
     threads, precision = job.options.threads, scene.precision
     return engine_for(case, scene.stepping, side, threads=threads, precision=precision)
 

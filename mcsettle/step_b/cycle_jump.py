@@ -12,6 +12,7 @@ import numpy as np
 
 from mcsettle.step_b.case import ALIKE, Case, Outcome, Support
 from mcsettle.step_b.cycles import daily_weights
+from mcsettle.step_b.few_weights import few_weights
 from mcsettle.step_b.pointwise import load_parts, pointwise_growth, pointwise_load
 from mcsettle.step_b.runge_kutta import integrate
 from mcsettle.step_b.sd_map import Roughness, roughness
@@ -178,13 +179,17 @@ def spectral_growth(case: Case) -> Growth:
     pairs = case.mode_pairs
     form = stacked([train_form(transfer, case.model, pairs) for transfer in case.transfers])
     multipliers = np.tile(case.group_multipliers, len(case.transfers))
+    few = None if case.severity is None else few_weights(case, form, multipliers)
+    if few is not None:
+        form, multipliers = few.form, few.multipliers
     varying = VaryingForm(form, multipliers, case.following, case.first_mode)
     packed = form.packed()
 
     def growth(
         amplitudes: np.ndarray, weights: np.ndarray, fields: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        return fast_varying_growth(varying, packed, amplitudes, weights, pairs, fields)
+        own = weights if few is None else few.of(weights)
+        return fast_varying_growth(varying, packed, amplitudes, own, pairs, fields)
 
     return growth
 

@@ -19,6 +19,8 @@ from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.case import Case
 from mcsettle.step_b.stress import deviatoric_stress, mean_state
 
+MOST = 1e6  # cycles that an axle counts without a remark
+
 
 def with_equivalent_cycles(case: Case, reference: TransferFunctions | None) -> Case:
     """``case`` with its cycles counted as its model says.
@@ -52,6 +54,25 @@ def with_equivalent_cycles(case: Case, reference: TransferFunctions | None) -> C
         model=replace(model, laws=tuple(laws)),
         multipliers=None if multipliers is None else multipliers[:, grid.layer],
         severity=tuple(c[:, settling] for c in counts),
+    )
+
+
+def counting_remark(case: Case) -> str | None:
+    """A remark on an axle that counts more than ``MOST`` cycles somewhere; None: none does."""
+    largest = max(
+        zip(case.severity or (), case.timetable.services, strict=False),
+        key=lambda pair: float(pair[0].max()),
+        default=None,
+    )
+    if largest is None or largest[0].max() <= MOST:
+        return None
+    counts, service = largest
+    settling = [z for z, law in enumerate(case.model.laws) if law is not None]
+    height = case.transfers[0].grid.z[settling][int(counts.max(axis=0).argmax())]
+    return (
+        f"an axle of '{service.train.name}' counts {counts.max():.3g} cycles at {height:.2f} m (0 m: the "
+        "subgrade surface), which ages the layers within days; charges use exponents of 1.5 to 3 "
+        "(settlement.equivalence_exponent)"
     )
 
 

@@ -7,9 +7,13 @@ import pytest
 import toy
 
 from mcsettle.railway.track import BallastLaw
+from mcsettle.step_b.cycles import daily_weights
 from mcsettle.step_b.engine import engine_for
-from mcsettle.step_b.equivalent_cycles import with_equivalent_cycles
+from mcsettle.step_b.equivalent_cycles import counting_remark, with_equivalent_cycles
+from mcsettle.step_b.few_weights import few_weights
 from mcsettle.step_b.settlement import cycle_increment, cycle_rate, long_run_rate
+from mcsettle.step_b.spectral import stacked, train_form
+from mcsettle.step_b.susceptibility import VaryingForm, varying_growth
 
 MIXED = (("passenger", 36), ("freight", 2))
 
@@ -97,6 +101,14 @@ def test_the_laws_own_exponents():
         counted("law")
 
 
+def test_an_axle_that_counts_beyond_measure_is_remarked_on():
+    assert counting_remark(counted(5.0)) is None
+    assert counting_remark(toy.case(MIXED)) is None
+    text = counting_remark(counted(30.0))
+    assert "'freight' counts" in text
+    assert "exponents of 1.5 to 3" in text
+
+
 def test_identical_trains_count_alone():
     """One more of 36 equal trains in a mix of its own: 36/37 of the days."""
     one = counted(3.0, "mix", (("passenger", 36),))
@@ -117,3 +129,28 @@ def test_the_long_run_term():
     case = toy.case(long_run_cycles=1e6)
     assert (days(case) < days(toy.case())).all()
     np.testing.assert_allclose(days(case, "every_train"), days(case), rtol=2e-3)
+
+
+@pytest.mark.parametrize("multipliers", [None, np.ones((1, 3)), np.diag([1.0, 0.5, 2.0])])
+@pytest.mark.parametrize("history", ["reference", "mix"])
+def test_a_few_weights_do_for_every_depth(history, multipliers):
+    """The growth of a third as many combinations is that of all depths of all services."""
+    plain = toy.case(MIXED, cycles="equivalent", equivalence_exponent=5.0,
+                     equivalence_history=history)  # fmt: skip
+    reference = toy.transfer("passenger") if history == "reference" else None
+    case = with_equivalent_cycles(replace(plain, multipliers=multipliers), reference)
+    form = stacked([train_form(t, case.model, case.mode_pairs) for t in case.transfers])
+    own = np.tile(case.group_multipliers, 2)
+    few = few_weights(case, form, own)
+    assert 3 * few.combined.shape[1] < few.combined.shape[0]
+    n, n_fields = 5, len(own)
+    u = toy.profiles(range(n))
+    h = 0.1 * np.ones((n, n_fields, 132), dtype=complex)
+    days, ground = np.geomspace(1.0, 900.0, n), np.linspace(0.0, 50.0, n)
+    weights = daily_weights(case, days, ground)
+    args = (case.mode_pairs, h)
+    many = varying_growth(VaryingForm(form, own, None, 6), u, weights, *args)
+    fewer = VaryingForm(few.form, few.multipliers, None, 6)
+    one = varying_growth(fewer, u, few.of(weights), *args)
+    np.testing.assert_allclose(one[0], many[0], rtol=0, atol=1e-5 * np.abs(many[0]).max())
+    np.testing.assert_allclose(one[1], many[1], rtol=1e-5)
