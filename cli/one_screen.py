@@ -17,6 +17,7 @@ from mcsettle.report.price_words import (
     price_places,
     question,
     scaled_unit,
+    tamped_on,
 )
 from mcsettle.report.words import cut
 
@@ -132,11 +133,13 @@ def _intervals(answers: "Answers", width: int, most: int) -> Iterator[str]:
             continue
         effect = answers.effect(name)
         low, high = (number(day, 0, late) for day in found.half)
+        middle = late if found.median.value is None else found.median.with_error()
+        month = tamped_on(study, found.median.value)
         rows.append(
             (
                 cut(name, 14),
                 study.scenario(name).title or "",
-                late if found.median.value is None else found.median.with_error(),
+                f"{middle} ({month})" if month else middle,
                 f"{low} to {high}",
                 "" if effect is None else interval_change(effect),
             )

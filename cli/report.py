@@ -26,8 +26,9 @@ def report(
         str | None, typer.Option(help="Variant of the first page (default: the first).")
     ] = None,
     miles: Annotated[bool, typer.Option("--miles", help="Costs per mile.")] = False,
-    no_step_a: Annotated[
-        bool, typer.Option("--no-step-a", help="Leave out the pictures of the track.")
+    track: Annotated[
+        bool,
+        typer.Option("--track", help="Also draw track, trains and single realisations (Step A)."),
     ] = False,
     tornado: Annotated[
         bool, typer.Option("--tornado", help="Also move each uncertain input by itself.")
@@ -66,7 +67,7 @@ def report(
         from mcsettle.report.pdf import find_browser
 
         find_browser()
-    page = read_report(folder, variant, miles, not no_step_a, tornado, Progress(), cores())
+    page = read_report(folder, variant, miles, track, tornado, Progress(), cores())
     text = html(page)
     files[target] = text.encode("utf-8")
     if markdown is not None:

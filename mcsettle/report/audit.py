@@ -101,7 +101,7 @@ def provenance_blocks(material: Material) -> Iterator[Block]:
         f" --variant {material.variant}"
     )  # fmt: skip
     options_of_report += " --miles" if material.miles else ""
-    options_of_report += "" if material.step_a is not None else " --no-step-a"
+    options_of_report += "" if material.step_a is None else " --track"
     yield Code(
         "# the study at the end of this page, saved as study.toml\n"
         f"mcsettle run study.toml --out DIR {options}\n"

@@ -9,6 +9,7 @@ from mcsettle.analysis.track_case import track_cases
 from mcsettle.analysis.track_summary import increases_at_surface
 from mcsettle.report.audit import limit_blocks, method_blocks, provenance_blocks
 from mcsettle.report.first_page import first_page, scope
+from mcsettle.report.form_tables import form_blocks
 from mcsettle.report.material import Material, StepAPart, read_material
 from mcsettle.report.page import Block, Page, Picture, Section, Text
 from mcsettle.report.pictures import (
@@ -37,7 +38,7 @@ def read_report(
     folder: Path,
     variant: str | None = None,
     miles: bool = False,
-    with_step_a: bool = True,
+    with_track: bool = False,
     with_tornado: bool = False,
     progress: Progress | None = None,
     processes: int = 1,
@@ -49,7 +50,7 @@ def read_report(
     folder : results of ``mcsettle run``
     variant : the answer's variant (None: the first)
     miles : costs per mile
-    with_step_a : with the pictures of the track, from the cache or computed
+    with_track : with the pictures of track, trains and single realisations, from the cache or computed
     with_tornado : with one input at a time, computed
     progress, processes : as for ``run_study``
 
@@ -59,7 +60,7 @@ def read_report(
         No finished run there, or no such variant.
     """
     material = read_material(folder, variant, miles)
-    if with_step_a:
+    if with_track:
         case = _case_of(material, progress, processes)
         table4 = tuple(increases_at_surface(case, progress))
         material = replace(material, step_a=StepAPart(case, table4))
@@ -80,7 +81,9 @@ def build(material: Material, bars: Sequence[Bar] = ()) -> Page:
     first = first_page(material)
     results = [*result_blocks(material), *growth_pictures(material)]
     track = list(_track(material))
+    forms = [Section("forms", "Prices by model form", tuple(form_blocks(material)))]
     before = [
+        *(forms if material.answers.summaries else []),
         Section("method", "Method", tuple(method_blocks(material))),
         Section("scenarios", "Scenarios", tuple(scenario_blocks(material))),
         Section("results", "Results", tuple(results)),
@@ -111,8 +114,8 @@ def build(material: Material, bars: Sequence[Bar] = ()) -> Page:
 def _track(material: Material) -> list[Block]:
     if material.step_a is None:
         text = (
-            "The pictures of the track and of single realisations need Step A and were not asked "
-            "for (--no-step-a)."
+            "The pictures of the track, the trains and single realisations need Step A: 'mcsettle "
+            "report DIR --track' draws them."
         )
         return [Text(text, "note")]
     single = single_track_pictures(material)

@@ -1,6 +1,7 @@
 """From the tables of a run to what its pictures show."""
 
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy import stats
 
 from mcsettle.estimate.sample import interval_quantile
 from mcsettle.report.figures.results import Convergence, Fan, Rate, Spread, Survival
+from mcsettle.report.histories import day_grid, on_grid
 from mcsettle.report.material import Material
 from mcsettle.report.words import mostly_known
 from mcsettle.units import DAYS_PER_YEAR
@@ -16,21 +18,40 @@ from mcsettle.units import DAYS_PER_YEAR
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"
 MOVING = 100.0  # days of the moving average
-DENSITY_POINTS = 160
-LEAST_FOR_DENSITY = 30
+DOTS = 20  # each of them stands for a twentieth of the sections
+LEAST_FOR_DOTS = 30
 
 
 def fans(material: Material) -> list[Fan]:
     """SD in time of every scenario of the answer's variant that has a history."""
+    grids = _histories(material, at_limit=True)
+    known = _histories(material, at_limit=False)
+    baseline = material.study.priced.baseline if material.study.priced is not None else None
     found = []
-    for scenario in material.study.scenario_names:
-        grid = _histories(material, scenario)
-        if grid.empty:
-            continue
-        quantiles = grid.quantile(LEVELS, axis=1).to_numpy(dtype=float)
+    for scenario, grid in grids.items():
+        quantiles = _by_day(grid, LEVELS)
         per_day = material.study.mgt_per_day(scenario)
-        found.append(Fan(material.title(scenario), grid.index.to_numpy(float), quantiles, per_day))
+        difference = None
+        if baseline in grids and scenario != baseline:
+            difference = _by_day(known[scenario] - known[baseline], LEVELS[1:-1])
+        found.append(
+            Fan(
+                material.title(scenario), grid.index.to_numpy(float), quantiles, per_day,
+                material.tint(scenario), difference,
+            )
+        )  # fmt: skip
     return _cut(found, material.study.limit.sd_limit_mm)
+
+
+def _by_day(grid: pd.DataFrame, levels: tuple[float, ...]) -> np.ndarray:
+    """Quantiles [L, D] over the tracks of a grid; NaN where fewer than half of them are known."""
+    values = grid.to_numpy(dtype=float)
+    few = np.mean(np.isfinite(values), axis=1) < 0.5
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="All-NaN slice encountered")
+        quantiles = np.nanquantile(values, levels, axis=1)
+    quantiles[:, few] = np.nan
+    return quantiles
 
 
 def rates(material: Material, window: float = MOVING) -> list[Rate]:
@@ -39,10 +60,7 @@ def rates(material: Material, window: float = MOVING) -> list[Rate]:
     A track that was tamped in between counts until then no more.
     """
     found = []
-    for scenario in material.study.scenario_names:
-        grid = _histories(material, scenario, at_limit=False)
-        if len(grid) < 3:
-            continue
+    for scenario, grid in _histories(material, at_limit=False).items():
         days = grid.index.to_numpy(float)
         ends = days[days > days[0] + 0.5 * window]
         steps = []
@@ -56,7 +74,8 @@ def rates(material: Material, window: float = MOVING) -> list[Rate]:
                 steps.append((end, *np.quantile(known, (0.05, 0.5, 0.95))))
         if len(steps) > 1:
             table = np.array(steps).T
-            found.append(Rate(material.title(scenario), table[0], table[1:]))
+            tint = material.tint(scenario)
+            found.append(Rate(material.title(scenario), table[0], table[1:], tint))
     return found
 
 
@@ -73,12 +92,16 @@ def survivals(material: Material) -> list[Survival]:
         published = row.reference.value if row is not None and row.reference else None
         end = float(np.max([*events, *horizons]))
         curve = _kaplan_meier(events, horizons)
-        found.append(Survival(material.title(scenario), *curve, end, published))
+        tint = material.tint(scenario)
+        found.append(Survival(material.title(scenario), *curve, end, tint, published))
     return found
 
 
-def spreads(material: Material, metric: str, density: bool = False) -> list[Spread]:
-    """Quantiles of a paired effect in every compared scenario of the answer's variant."""
+def spreads(material: Material, metric: str, dots: bool = False) -> list[Spread]:
+    """Quantiles of a paired effect in every compared scenario of the answer's variant.
+
+    ``dots``: with values that stand for equal shares of the sections.
+    """
     found = []
     for scenario in material.compared:
         table = material.effects(scenario)
@@ -90,8 +113,14 @@ def spreads(material: Material, metric: str, density: bool = False) -> list[Spre
         if len(values) and shown:
             quantiles = tuple(float(q) for q in np.quantile(values, LEVELS))
         published = row.reference.value if row is not None and row.reference else None
-        curve = _density(values) if density else None
-        found.append(Spread(material.title(scenario), quantiles, published, curve))
+        shares = (np.arange(DOTS) + 0.5) / DOTS
+        some = dots and quantiles is not None and len(values) >= LEAST_FOR_DOTS
+        shown_dots = np.quantile(values, shares) if some else None
+        found.append(
+            Spread(
+                material.title(scenario), quantiles, material.tint(scenario), published, shown_dots
+            )
+        )
     return found
 
 
@@ -106,11 +135,14 @@ def growths(material: Material, metric: str) -> list[Spread]:
         gaps = np.isnan(values)
         quantiles = None
         if not gaps.all() and gaps.mean() < 0.5:
-            # Tracks tamped before have grown more than any that is known.
-            filled = np.where(gaps, np.nanmax(values), values)
-            quantiles = tuple(float(q) for q in np.quantile(filled, LEVELS))
+            # Tracks tamped before have grown more: how much more is not known.
+            filled = np.where(gaps, np.inf, values)
+            found_at = np.quantile(filled, LEVELS, method="inverted_cdf")
+            quantiles = tuple(float(q) for q in found_at)
         published = row.reference.value if row.reference else None
-        found.append(Spread(material.title(scenario), quantiles, published))
+        found.append(
+            Spread(material.title(scenario), quantiles, material.tint(scenario), published)
+        )
     return found
 
 
@@ -133,7 +165,12 @@ def convergence(material: Material) -> list[Convergence]:
                 limits = (found_at.lower, found_at.upper)
                 points.append((count, found_at.value, *(_or_nan(v) for v in limits)))
         if points:
-            found.append(Convergence(material.title(scenario), *np.array(points, float).T))
+            counts, value, low, high = np.array(points, float).T
+            found.append(
+                Convergence(
+                    material.title(scenario), counts, value, low, high, material.tint(scenario)
+                )
+            )
     return found
 
 
@@ -145,19 +182,26 @@ def _floats(table: pd.DataFrame, column: str) -> np.ndarray:
     return table[column].to_numpy(dtype=float, na_value=np.nan)
 
 
-def _histories(material: Material, scenario: str, at_limit: bool = True) -> pd.DataFrame:
-    """SD by day (rows) and track (columns); a tamped track at its limit, or empty."""
+def _histories(material: Material, at_limit: bool) -> dict[str, pd.DataFrame]:
+    """SD by day (rows) and track (columns) of every scenario that has a history, on the same days.
+
+    ``at_limit``: a tamped track stays at its limit; else it is known no more.
+    """
     table, study = material.results.history, material.study
     if table.empty:
-        return table
-    days = {0.0, *study.run.history_days}
-    own = table[(table["variant"] == material.variant) & (table["scenario"] == scenario)]
-    own = own[own["day"].isin(days)]
-    keys = ["parameter_set", "realisation"]
-    sound = pd.MultiIndex.from_frame(material.tracks(scenario)[keys])
-    own = own[pd.MultiIndex.from_frame(own[keys]).isin(sound)]
-    grid = own.pivot_table(index="day", columns=keys, values="sd_mm")
-    return grid.fillna(study.limit.sd_limit_mm) if at_limit else grid
+        return {}
+    table = table[table["variant"] == material.variant]
+    if table.empty:
+        return {}
+    keys, found = ["parameter_set", "realisation"], {}
+    days = day_grid(table)
+    for scenario in study.scenario_names:
+        own = table[table["scenario"] == scenario]
+        complete = pd.MultiIndex.from_frame(material.tracks(scenario)[keys])
+        own = own[pd.MultiIndex.from_frame(own[keys]).isin(complete)]
+        if not own.empty:
+            found[scenario] = on_grid(own, days, study.limit.sd_limit_mm if at_limit else None)
+    return found
 
 
 def _cut(found: list[Fan], limit: float) -> list[Fan]:
@@ -171,7 +215,12 @@ def _cut(found: list[Fan], limit: float) -> list[Fan]:
     last = max(ends)
     kept = [fan.days <= last for fan in found]
     return [
-        Fan(fan.label, fan.days[keep], fan.quantiles[:, keep], fan.mgt_per_day)
+        replace(
+            fan,
+            days=fan.days[keep],
+            quantiles=fan.quantiles[:, keep],
+            difference=None if fan.difference is None else fan.difference[:, keep],
+        )
         for fan, keep in zip(found, kept, strict=True)
     ]
 
@@ -191,14 +240,3 @@ def _kaplan_meier(
     low = np.where(np.isfinite(band.low.probabilities), band.low.probabilities, share)
     high = np.where(np.isfinite(band.high.probabilities), band.high.probabilities, share)
     return days, share, low, high
-
-
-def _density(values: np.ndarray) -> np.ndarray | None:
-    """Values and a kernel density between P1 and P99; None for few or equal values."""
-    if len(values) < LEAST_FOR_DENSITY or np.ptp(values) <= 1e-6 * np.max(np.abs(values)):
-        return None
-    low, high = np.quantile(values, (0.01, 0.99))
-    if not low < high:
-        return None
-    grid = np.linspace(low, high, DENSITY_POINTS)
-    return np.array([grid, stats.gaussian_kde(values)(grid)])

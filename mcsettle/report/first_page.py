@@ -8,7 +8,7 @@ from mcsettle.report.form_bars import MOST_LINES, form_bars
 from mcsettle.report.material import Material
 from mcsettle.report.money import currency_of, symbol
 from mcsettle.report.page import Block, Bullets, Columns, Lead, Table, Text
-from mcsettle.report.price_words import answer_sentence, interval_change, prices
+from mcsettle.report.price_words import answer_sentence, interval_change, prices, tamped_on
 from mcsettle.report.words import cut
 from mcsettle.summary.answers import Answers
 
@@ -71,10 +71,14 @@ def interval_table(material: Material) -> Table:
         middle = late if found.median.value is None else found.median.with_error()
         effect = answers.effect(scenario)
         change = "" if effect is None else interval_change(effect)
-        rows.append((cut(scenario, 20), middle, f"{low} to {high}", change))
-    width = 4 if any(row[3] for row in rows) else 3
-    head = ("", "days", "half of the sections", "change")[:width]
-    return Table("When is the line tamped?", head, tuple(row[:width] for row in rows), 1)
+        date = tamped_on(material.study, found.median.value)
+        rows.append((cut(scenario, 20), middle, date, f"{low} to {high}", change))
+    head = ("", "days", "month", "half of the sections", "change")
+    kept = [i for i in range(len(head)) if i in (0, 1, 3) or any(row[i] for row in rows)]
+    columns = tuple(head[i] for i in kept)
+    return Table(
+        "When is the line tamped?", columns, tuple(tuple(row[i] for i in kept) for row in rows), 1
+    )
 
 
 def _price_of(material: Material) -> Iterator[str]:

@@ -83,6 +83,10 @@ class Material:
         """Title of a scenario, or its name."""
         return self.study.scenario(scenario).title or scenario
 
+    def tint(self, scenario: str) -> int:
+        """Number of the colour that a scenario has in every picture."""
+        return self.study.scenario_names.index(scenario)
+
     @property
     def compared(self) -> list[str]:
         """Scenarios that are compared with the baseline."""

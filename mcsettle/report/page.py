@@ -1,6 +1,7 @@
 """What a page consists of: frozen descriptions without any markup."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 
@@ -33,6 +34,27 @@ class Table:
     n_text: int = 1
     note: str = ""
     small: bool = False
+
+
+def tidied(table: Table) -> Table:
+    """``table`` without the columns that are empty in every row."""
+    full = [row for row in table.rows if len(row) == len(table.head)]
+    kept = [i for i in range(len(table.head)) if i == 0 or any(row[i] for row in full)]
+    if len(kept) == len(table.head) or not full:
+        return table
+    rows = tuple(
+        tuple(row[i] for i in kept) if len(row) == len(table.head) else row for row in table.rows
+    )
+    head = tuple(table.head[i] for i in kept)
+    return replace(table, head=head, rows=rows, n_text=sum(i < table.n_text for i in kept))
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Parts that are opened where they are wanted; ``title`` is what is seen of them."""
+
+    title: str
+    parts: "tuple[Block, ...]"
 
 
 @dataclass(frozen=True)
@@ -117,7 +139,7 @@ class Columns:
     parts: "tuple[tuple[Block, ...], ...]"
 
 
-Block = Text | Bullets | Table | Picture | Code | Bars | Lead | Columns
+Block = Text | Bullets | Table | Picture | Code | Bars | Lead | Columns | Fold
 
 
 @dataclass(frozen=True)
@@ -149,4 +171,15 @@ class Page:
     def pictures(self) -> list[Picture]:
         """Every picture, in the order of the page."""
         blocks = [*self.answer, *(b for section in self.sections for b in section.blocks)]
-        return [block for block in blocks if isinstance(block, Picture)]
+        return [block for block in _flat(blocks) if isinstance(block, Picture)]
+
+
+def _flat(blocks: Iterable[Block]) -> Iterator[Block]:
+    """Blocks, those of folds and columns in their places."""
+    for block in blocks:
+        if isinstance(block, Fold):
+            yield from _flat(block.parts)
+        elif isinstance(block, Columns):
+            yield from _flat(part for parts in block.parts for part in parts)
+        else:
+            yield block

@@ -72,7 +72,10 @@ def growth_pictures(material: Material) -> Iterator[Picture]:
             for v in values
             if v.quantiles is not None
         )
-        text = "Growth of the SD in the first year: P5 to P95, middle half, median."
+        text = (
+            "Growth of the SD in the first year: P5 to P95, middle half, median; an arrow where "
+            "sections tamped before have grown more than is known."
+        )
         yield Picture("growth", figure, alt + ".", text)
     curves = rates(material)
     if curves:

@@ -1,6 +1,7 @@
 """The answer in sentences: what a change costs or saves, and whether the number may be used."""
 
 from collections.abc import Iterable
+from datetime import date, timedelta
 
 from mcsettle.estimate.rounding import decimals, number
 from mcsettle.report.charging import MarginalTrain, PriceUnit, headline_unit, marginal_train
@@ -122,6 +123,17 @@ def interval_change(effect: FormEffect) -> str:
         return "unknown"
     change = -effect.reduction
     return ("+" if change > 0.0 else "") + number(change, 1) + " %"
+
+
+def tamped_on(study: Study, days: float | None) -> str:
+    """Month of the tamping after ``days``, where the study has a date of its day 0; else empty.
+
+    A month is as fine as the error of an interval ever allows.
+    """
+    start = study.start_date
+    if start is None or days is None or start.toordinal() + days >= date.max.toordinal():
+        return ""
+    return (start + timedelta(days=days)).strftime("%Y-%m")
 
 
 def sections_words(effect: FormEffect, unit: PriceUnit, places: int | None) -> str:

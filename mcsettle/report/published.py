@@ -90,7 +90,7 @@ def _tonnage(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, .
 
 def _stress(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, ...]]:
     if material.step_a is None:
-        yield ("", "", "left out: Step A was not asked for", "", "")
+        yield ("", "", "drawn with --track", "", "")
         return
     for name in DEFINITIONS:
         if METRIC_OF[name] != entry.metric:

@@ -29,6 +29,7 @@ from mcsettle.study.written import study_data
 OMITTED = {
     "schema_version",
     "title",
+    "start_date",
     "reference",
     "calibration",
     "sources",

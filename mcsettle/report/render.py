@@ -4,6 +4,8 @@ No script, nothing loaded from elsewhere (a content security policy says so to t
 text escaped; pictures are inline SVG. The same page gives the same bytes.
 """
 
+import re
+from dataclasses import replace
 from importlib.resources import files
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
@@ -11,8 +13,11 @@ from markupsafe import Markup
 
 from mcsettle.report import outgoing
 from mcsettle.report.figures.style import page_svg
-from mcsettle.report.page import Bars, Bullets, Columns, Lead, Page, Table, Text
+from mcsettle.report.page import Bars, Bullets, Columns, Fold, Lead, Page, Table, Text, tidied
 from mcsettle.report.price_words import USE
+
+NUMBER = re.compile(r"(−?\d+(\.\d+)? ± )?−?\d+(\.(?P<decimals>\d+))?")
+DIGIT_SPACE, POINT_SPACE = "\u2007", "\u2008"
 
 
 def html(page: Page) -> str:
@@ -29,9 +34,44 @@ def html(page: Page) -> str:
     # Ours, not the user's: matplotlib has escaped what titles it holds.
     svg = {p.name: Markup(page_svg(p.figure, p.name)) for p in pictures}
     number = {p.name: place for place, p in enumerate(pictures, 1)}
+    environment.filters |= {"tidied": tidied, "aligned": aligned}
     template = environment.get_template("page.html")
     style = Markup(_text("page.css").strip())
     return template.render(page=page, svg=svg, number=number, style=style)
+
+
+def aligned(table: Table) -> Table:
+    """``table`` whose numbers stand with their decimal points below one another.
+
+    Missing decimals are filled with spaces as wide as a digit and as a point.
+    """
+    places: dict[int, int] = {}
+    for row in table.rows:
+        for i, cell in enumerate(row[table.n_text :] if len(row) > 1 else ()):
+            places[i] = max(places.get(i, 0), _decimals(cell) or 0)
+    rows = tuple(
+        (
+            *row[: table.n_text],
+            *(_filled(cell, places[i]) for i, cell in enumerate(row[table.n_text :])),
+        )
+        if len(row) > 1
+        else row
+        for row in table.rows
+    )
+    return replace(table, rows=rows)
+
+
+def _decimals(cell: str) -> int | None:
+    """Decimals of a number, also of one with its error; None for other texts."""
+    found = NUMBER.fullmatch(cell)
+    return None if found is None else len(found["decimals"] or "")
+
+
+def _filled(cell: str, places: int) -> str:
+    own = _decimals(cell)
+    if own is None or own >= places:
+        return cell
+    return cell + ("" if own else POINT_SPACE) + DIGIT_SPACE * (places - own)
 
 
 def markdown(page: Page, sections: tuple[str, ...] = ()) -> str:
@@ -55,12 +95,16 @@ def _lines(block: object) -> list[str]:
         return [outgoing.markdown(block.text + worth), ""]
     if isinstance(block, Columns):
         return [line for part in block.parts for inner in part for line in _lines(inner)]
+    if isinstance(block, Fold):
+        inner = [line for part in block.parts for line in _lines(part)]
+        return [f"### {outgoing.markdown(block.title)}", "", *inner]
     if isinstance(block, Bars):
         return _lines(_as_table(block))
     if isinstance(block, Bullets):
         head = [f"**{outgoing.markdown(block.title)}**", ""] if block.title else []
         return [*head, *(f"- {outgoing.markdown(entry)}" for entry in block.entries), ""]
     if isinstance(block, Table):
+        block = tidied(block)
         rule = ["---" if i < block.n_text else "---:" for i in range(len(block.head))]
         filled = ((*row, *("",) * (len(block.head) - len(row))) for row in block.rows)
         rows = [_row(block.head), _row(tuple(rule)), *(_row(row) for row in filled)]

@@ -6,12 +6,13 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.rounding import NOT_REACHED, number
 from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
 from mcsettle.report.curves import fans, spreads, survivals
 from mcsettle.report.figures.results import fan_figure, spreads_figure, survival_figure
 from mcsettle.report.material import Material
-from mcsettle.report.page import Block, Picture, Table, Text
+from mcsettle.report.page import Block, Fold, Picture, Table, Text
 from mcsettle.report.price_words import prices
 from mcsettle.report.words import (
     METRICS,
@@ -31,8 +32,10 @@ PER_SPEED = "per km/h per 1000 train-km"
 def result_blocks(material: Material) -> Iterator[Block]:
     """Pictures of the answer's variant, then a table a variant."""
     yield from _pictures(material)
+    yield quantile_table(material, material.variant)
     for variant in material.study.variant_names:
-        yield quantile_table(material, variant)
+        if variant != material.variant:
+            yield Fold(f"Variant {variant}", (quantile_table(material, variant),))
     yield Text(
         "P5, P50, P95: spread between realisations. ± : Monte Carlo error of the median. Effects "
         "are formed track by track against the baseline and then summarised: the median reduction "
@@ -47,9 +50,13 @@ def quantile_table(material: Material, variant: str) -> Table:
     """Every metric of every scenario of one variant."""
     study, previous = material.study, ""
     rows: list[tuple[str, ...]] = []
+    unknown: dict[str, list[str]] = {}
     for row in material.of(variant):
         middle = row.at(0.5)
         name = metric_words(row.metric)
+        if all(row.at(at).value is None for at in LEVELS):
+            unknown.setdefault(name, []).append(row.scenario)
+            continue
         if row.scenario != previous:
             rows.append((f"{row.scenario}: {cut(material.title(row.scenario), 100)}",))
         rows.append(
@@ -69,7 +76,13 @@ def quantile_table(material: Material, variant: str) -> Table:
     factor = study.settlement_settings(variant).settlement_factor
     caption = f"Variant {variant}{': ' if title else ''}{title} (settlement factor {factor:g})"
     head = ("quantity", "P5", "P50", "P95", "n", "censored", "published", "falls at")
-    return Table(caption, head, tuple(rows), 1, small=True)
+    return Table(caption, head, tuple(rows), 1, _not_reached(unknown), small=True)
+
+
+def _not_reached(unknown: dict[str, list[str]]) -> str:
+    """One sentence on the quantities of which no quantile is known."""
+    parts = [f"{name} ({', '.join(scenarios)})" for name, scenarios in unknown.items()]
+    return f"Not reached, or not known of most sections: {'; '.join(parts)}." if parts else ""
 
 
 def _pictures(material: Material) -> Iterator[Picture]:
@@ -82,7 +95,8 @@ def _pictures(material: Material) -> Iterator[Picture]:
         alt = f"SD against days of traffic. Median SD on day {shown[0].days[-1]:g}, mm: {ends}."
         text = (
             f"SD of the profile in time: medians; shaded, P5 to P95 and the middle half of "
-            f"{cut(shown[0].label, 60)}. A tamped track stays at the limit."
+            f"{cut(shown[0].label, 60)}. A tamped track stays at the limit. Below: the SD above the "
+            "baseline's on the same track, medians and the middle half."
         )
         yield Picture("sd_time", figure, alt, text)
     curves = survivals(material)
@@ -100,17 +114,20 @@ def _pictures(material: Material) -> Iterator[Picture]:
 
 def _effect_pictures(material: Material) -> Iterator[Picture]:
     for metric in ("reduction_percent", "elasticity"):
-        values = spreads(material, metric, density=True)
+        values = spreads(material, metric, dots=True)
         if not any(s.quantiles is not None for s in values):
             continue
         unit = "[%]" if metric == "reduction_percent" else "[1]"
-        figure = spreads_figure(values, f"{METRICS[metric]} {unit}", density=True)
+        figure = spreads_figure(values, f"{METRICS[metric]} {unit}")
         alt = f"{METRICS[metric]} by scenario: " + "; ".join(
             f"{cut(s.label, 40)}: median {number(s.quantiles[2])}"
             for s in values
             if s.quantiles is not None
         )
-        text = f"Paired {METRICS[metric]}: distribution, P5 to P95, middle half, median."
+        text = (
+            f"Paired {METRICS[metric]}: each dot a twentieth of the sections; P5 to P95, middle "
+            "half, median."
+        )
         yield Picture(metric, figure, alt + ".", text)
 
 

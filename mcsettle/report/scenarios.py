@@ -27,20 +27,23 @@ def _scenarios(material: Material) -> Table:
             f"{e.per_day} × {e.train} at {e.speed_kmh:g} km/h" for e in entries
         )
         summed = study.timetable(name).mass_per_day / MGT
-        stated = study.mgt_per_day(name)
+        stated = study.scenario(name).mgt_per_day
+        if stated is None and name == base and study.economics is not None:
+            stated = study.economics.mgt_per_day
+            stated = None if stated == summed else stated
         rows.append(
             (
                 name + (" (baseline)" if name == base else ""),
                 cut(material.title(name)),
                 services,
                 number(summed, 5),
-                number(stated, 5),
+                "" if stated is None else f"{stated:g}",
                 number(study.mgt_per_year(name), 3),
             )
         )
     note = (
-        "MGT: million gross tonnes. Stated: what the economics take, the study's own figure or the "
-        f"sum over the trains. A year has {DAYS_PER_YEAR:g} days; the services of a day run one "
+        "MGT: million gross tonnes. Stated: the study's own figure, which the economics take instead of "
+        f"the sum over the trains. A year has {DAYS_PER_YEAR:g} days; the services of a day run one "
         "after the other in this order."
     )
     head = ("scenario", "title", "trains a day", "MGT/day, trains", "MGT/day, stated", "MGT/year")

@@ -9,6 +9,7 @@ from mcsettle.study.schema.study import StudyTables
 
 _NO_EFFECT_ON_RESULTS = {
     "title",
+    "start_date",
     "reference",
     "calibration",
     "maintenance",
@@ -50,6 +51,7 @@ def study_digest(study: StudyTables, fitted: bool) -> str:
     data.get("economics", {}).pop("price_base_year", None)
     for entry in [*data["scenarios"], *data["variants"], data["settlement"]]:
         entry.pop("title", None)
+        entry.pop("form_of", None)
         entry.pop("factor_digest", None)
     for key in ("uncertain", "correlations", "observed"):
         for entry in data.get(key, []):

@@ -104,9 +104,12 @@ def answers(results: Results, variant: str | None = None) -> Answers:
 def counted_forms(study: Study) -> tuple[str, ...]:
     """Variants that are readings of the study's question and calibrated.
 
-    Without any variant marked ``form_of`` all variants are readings.
+    Without any variant marked ``form_of`` all variants are readings; of several questions those of
+    the first count.
     """
-    return tuple(name for name in study.variant_names if is_calibrated(study, name))
+    marks = [variant.form_of for variant in study.variants if variant.form_of is not None]
+    asked = [v.name for v in study.variants if not marks or v.form_of == marks[0]]
+    return tuple(name for name in asked if is_calibrated(study, name))
 
 
 def is_calibrated(study: Study, variant: str) -> bool:

@@ -503,7 +503,7 @@ def test_no_network_unless_a_url_was_given(tmp_path):
     (tmp_path / "study.toml").write_text(resolved_toml(toy.study()), encoding="utf-8")
     run = ["run", "study.toml", "--out", "out", "--realisations", "2"]
     reading = [["status", "out"], ["summarise", "out"], ["compare", "out", "out"],
-               ["report", "out", "--no-step-a"], ["export", "out", "--csv", "csv"]]  # fmt: skip
+               ["report", "out"], ["export", "out", "--csv", "csv"]]  # fmt: skip
     done = alone(tmp_path, ["check", "study.toml"], run, *reading)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out.html").stat().st_size > 10_000

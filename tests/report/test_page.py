@@ -84,7 +84,7 @@ def checked(text: str) -> Tags:
 
 
 def page_of(folder: Path, **options) -> str:
-    return html(read_report(folder, with_step_a=False, **options))
+    return html(read_report(folder, **options))
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +196,7 @@ def test_hostile_words_stay_words(tmp_path: Path) -> None:
                     "source": HOSTILE, "note": HOSTILE}],
     )  # fmt: skip
     folder = made_run.write(tmp_path / "run", made, SPEED)
-    page = read_report(folder, with_step_a=False)
+    page = read_report(folder)
     text = html(page)
     tags = checked(text)
     assert "alert(1)" in "".join(tags.text)  # it is shown, as text
@@ -264,7 +264,7 @@ def test_one_realisation_one_scenario_failed_rows(tmp_path: Path) -> None:
 
 
 def test_published_values_stand_beside_ours(speed_run: Path) -> None:
-    page = read_report(speed_run, with_step_a=False)
+    page = read_report(speed_run)
     part = next(s for s in page.sections if s.key == "published")
     text = markdown(page, ("published",))
     tables = [b.caption for b in part.blocks if type(b).__name__ == "Table"]
@@ -276,7 +276,7 @@ def test_published_values_stand_beside_ours(speed_run: Path) -> None:
 
 
 def test_without_published_values_there_is_no_such_part(tmp_path: Path) -> None:
-    page = read_report(made_run.write(tmp_path / "run", made_run.study(), SPEED), with_step_a=False)
+    page = read_report(made_run.write(tmp_path / "run", made_run.study(), SPEED))
     assert "published" not in [s.key for s in page.sections]
     assert not any("of the paper" in p.caption for p in page.pictures)
 
@@ -335,7 +335,7 @@ def test_price_base_year_is_stated(tmp_path: Path) -> None:
 
 
 def test_markdown_has_every_table(speed_run: Path) -> None:
-    page = read_report(speed_run, with_step_a=False)
+    page = read_report(speed_run)
     text = markdown(page)
     for section in page.sections:
         for block in section.blocks:
@@ -352,7 +352,7 @@ def test_a_report_replaces_its_own_and_nothing_else(speed_run: Path, tmp_path: P
     """Refused before anything is computed; a README of the user's stays as it is."""
     page, text = tmp_path / "a.html", tmp_path / "README.md"
     text.write_text("# precious\n", encoding="utf-8")
-    command = ("report", speed_run, "--no-step-a", "--out", page, "--markdown", text)
+    command = ("report", speed_run, "--out", page, "--markdown", text)
     done = invoke(*command)
     assert done.exit_code == 2
     assert "README.md' is there already and is not written by mcsettle" in done.stderr
@@ -393,14 +393,14 @@ def test_report_command_writes_beside_the_folder(speed_run: Path, tmp_path: Path
     from mcsettle.storage.marks import marked
     from mcsettle.summary.results import study_of
 
-    done = invoke("report", speed_run, "--no-step-a")
+    done = invoke("report", speed_run)
     assert done.exit_code == 0, done.output
     target = speed_run.with_name(speed_run.name + ".html")
     study = study_of(speed_run).identity
     assert target.read_bytes() == marked(page_of(speed_run).encode(), ".html", study)
     manifest.verify(speed_run)  # nothing was added to the results
     pictures, text = tmp_path / "pictures", tmp_path / "tables.md"
-    done = invoke("report", speed_run, "--no-step-a", "--out", tmp_path / "a.html", "--figures",
+    done = invoke("report", speed_run, "--out", tmp_path / "a.html", "--figures",
                   pictures, "--markdown", text)  # fmt: skip
     assert done.exit_code == 0, done.output
     names = {p.name for p in pictures.glob("*.*") if p.is_file()}
@@ -413,7 +413,7 @@ def test_report_command_writes_beside_the_folder(speed_run: Path, tmp_path: Path
     [
         (("report", "nowhere"), "is no folder"),
         (("report", "RUN", "--out", "report.txt"), "ends in .html"),
-        (("report", "RUN", "--variant", "bse", "--no-step-a"), "did you mean 'base'"),
+        (("report", "RUN", "--variant", "bse"), "did you mean 'base'"),
         (("export", "RUN", "--xlsx", "book.csv"), "ends in .xlsx"),
         (("export", "nowhere"), "is no folder"),
         (("compare", "RUN", "nowhere"), "is no folder"),
@@ -427,7 +427,7 @@ def test_faults_are_told_plainly(speed_run: Path, arguments, said: str) -> None:
 
 
 def test_every_picture_names_its_axes(speed_run: Path) -> None:
-    page = read_report(speed_run, with_step_a=False)
+    page = read_report(speed_run)
     names = [p.name for p in page.pictures]
     assert len(names) == len(set(names))
     for picture in page.pictures:

@@ -79,7 +79,7 @@ def test_report_has_the_pictures_of_the_track(run: Path, monkeypatch: pytest.Mon
         return {name: own[name] for name in ("stress_depth", "stress_along")}
 
     monkeypatch.setattr(pictures, "track_figures", quick)
-    page = read_report(run)
+    page = read_report(run, with_track=True)
     names = [picture.name for picture in page.pictures]
     for name in ("profiles", "mixed", "force", "stress_map", "stress_depth", "stress_along"):
         assert name in names

@@ -65,7 +65,7 @@ def test_summarise(folder: Path, forbidden: str, options) -> None:
 
 
 def test_report_in_both_forms(folder: Path, forbidden: str) -> None:
-    page = read_report(folder, with_step_a=False)
+    page = read_report(folder)
     shown = markdown(page) + re.sub(r"<[^>]*>", " ", html(page).split("<body>")[1])
     assert not re.search(forbidden, shown)
     assert "no price. Only 13 of 48 pairs of sections reach the limit within 1.5 years" in shown

@@ -20,13 +20,16 @@ from mcsettle.report.figures.style import COLOURS, GREY, look, styled
 class Fan:
     """SD in time of one scenario: ``days`` [D]; ``quantiles`` [5, D] mm at P5, P25, P50, P75, P95.
 
-    A tamped track stays at the limit. ``mgt_per_day`` turns days into tonnage.
+    A tamped track stays at the limit. ``mgt_per_day`` turns days into tonnage; ``tint`` numbers the
+    scenario's colour; ``difference`` [3, D] mm at P25, P50, P75 is from the baseline on the same tracks.
     """
 
     label: str
     days: np.ndarray
     quantiles: np.ndarray
     mgt_per_day: float
+    tint: int = 0
+    difference: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,7 @@ class Survival:
     low: np.ndarray
     high: np.ndarray
     end: float
+    tint: int = 0
     published: float | None = None
 
 
@@ -49,13 +53,14 @@ class Survival:
 class Spread:
     """Quantiles of one quantity in one scenario: P5, P25, P50, P75, P95 (None: nothing known).
 
-    ``curve`` [2, n]: values and density, for a picture of the whole distribution.
+    An infinite one is beyond what is known. ``dots`` [n]: values that stand for equal shares.
     """
 
     label: str
     quantiles: tuple[float, ...] | None
+    tint: int = 0
     published: float | None = None
-    curve: np.ndarray | None = None
+    dots: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,7 @@ class Rate:
     label: str
     days: np.ndarray
     rate: np.ndarray
+    tint: int = 0
 
 
 @dataclass(frozen=True)
@@ -99,6 +105,7 @@ class Convergence:
     value: np.ndarray
     low: np.ndarray
     high: np.ndarray
+    tint: int = 0
 
 
 @dataclass(frozen=True)
@@ -119,8 +126,14 @@ BAND: Any = {"linewidth": 0}
 
 @styled
 def fan_figure(fans: Sequence[Fan], limit: float) -> Figure:
-    """SD against time and tonnage: the first scenario's fan, every scenario's median, the limit."""
-    figure, axes = frame()
+    """SD against time and tonnage, and below it what each scenario adds on the same tracks."""
+    paired = [fan for fan in fans if fan.difference is not None]
+    if not paired:
+        figure, axes = frame()
+    else:
+        figure = Figure(figsize=(WIDTH, HEIGHT + 1.6), layout="constrained")
+        axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
+        _draw_differences(below, paired)
     draw_fans(axes, fans, limit)
     if fans:
         per_day = fans[0].mgt_per_day
@@ -134,7 +147,23 @@ def fan_figure(fans: Sequence[Fan], limit: float) -> Figure:
         upper = axes.secondary_xaxis("top", functions=(tonnage, days_of))
         upper.set_xlabel(f"traffic of {short(fans[0].label, 30)} [MGT]")
         upper.spines["top"].set_visible(True)
+    if paired:
+        axes.set_xlabel("")
+        axes.tick_params(labelbottom=True)
     return figure
+
+
+def _draw_differences(axes: Axes, fans: Sequence[Fan]) -> None:
+    """SD above the baseline's on the same track: medians and the middle half."""
+    for fan in fans:
+        assert fan.difference is not None
+        low, middle, high = fan.difference
+        style = look(fan.tint)
+        axes.fill_between(fan.days, low, high, color=style["color"], alpha=0.13, **BAND)
+        axes.plot(fan.days, middle, **style)
+    axes.axhline(0.0, color=GREY, linewidth=0.8)
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+    axes.set(xlabel="days of traffic", ylabel="above the\nbaseline [mm]")
 
 
 @styled
@@ -146,9 +175,10 @@ def survival_figure(curves: Sequence[Survival]) -> Figure:
 
 
 @styled
-def spreads_figure(spreads: Sequence[Spread], label: str, density: bool = False) -> Figure:
-    """P5–P95, quartiles and median of each scenario; with ``density`` the distribution above it."""
-    tall = 1.2 + (0.75 if density else 0.5) * max(len(spreads), 1)
+def spreads_figure(spreads: Sequence[Spread], label: str) -> Figure:
+    """P5–P95, quartiles and median of each scenario; the distribution above it where it has dots."""
+    dotted = any(spread.dots is not None for spread in spreads)
+    tall = 1.2 + (0.75 if dotted else 0.5) * max(len(spreads), 1)
     figure, axes = frame(max(tall, 1.9))
     draw_spreads(axes, spreads, label)
     return figure
@@ -160,9 +190,10 @@ def rates_figure(rates: Sequence[Rate], window: float) -> Figure:
     figure, axes = frame()
     for index, rate in enumerate(rates):
         low, middle, high = rate.rate
+        style = look(rate.tint)
         if index == 0:
-            axes.fill_between(rate.days, low, high, color=COLOURS[0], alpha=0.15, **BAND)
-        axes.plot(rate.days, middle, label=short(rate.label), **look(index))
+            axes.fill_between(rate.days, low, high, color=style["color"], alpha=0.15, **BAND)
+        axes.plot(rate.days, middle, label=short(rate.label), **style)
     axes.set(xlabel="days of traffic", ylabel=f"SD change, mean of {window:g} days\n[mm/year]")
     finish(axes)
     return figure
@@ -198,7 +229,7 @@ def convergence_figure(curves: Sequence[Convergence], label: str) -> Figure:
         above = np.nan_to_num(curve.high - curve.value)
         axes.errorbar(
             curve.counts * shift, curve.value, yerr=np.abs([below, above]), marker="o",
-            markersize=3, capsize=2, elinewidth=0.9, label=short(curve.label), **look(index),
+            markersize=3, capsize=2, elinewidth=0.9, label=short(curve.label), **look(curve.tint),
         )  # fmt: skip
     axes.set_xscale("log", base=2)
     counts = sorted({int(n) for curve in curves for n in curve.counts})
@@ -213,10 +244,11 @@ def draw_fans(axes: Axes, fans: Sequence[Fan], limit: float) -> None:
     """Medians of all, P5–P95 and quartiles of the first."""
     for index, fan in enumerate(fans):
         p5, p25, p50, p75, p95 = fan.quantiles
+        style = look(fan.tint)
         if index == 0:
-            axes.fill_between(fan.days, p5, p95, color=COLOURS[0], alpha=0.14, **BAND)
-            axes.fill_between(fan.days, p25, p75, color=COLOURS[0], alpha=0.2, **BAND)
-        axes.plot(fan.days, p50, label=short(fan.label), **look(index))
+            axes.fill_between(fan.days, p5, p95, color=style["color"], alpha=0.14, **BAND)
+            axes.fill_between(fan.days, p25, p75, color=style["color"], alpha=0.2, **BAND)
+        axes.plot(fan.days, p50, label=short(fan.label), **style)
     if _far_off(fans, limit):  # it would press the curves together
         axes.annotate(
             f"limit: {limit:g} mm, above", (0.01, 0.99), xycoords="axes fraction", va="top"
@@ -246,12 +278,12 @@ def _far_off(fans: Sequence[Fan], limit: float) -> bool:
 def draw_survival(axes: Axes, curves: Sequence[Survival]) -> None:
     """Steps of each curve; a dot on the median line where a value is published."""
     far = max((float(c.days[-1]) for c in curves if len(c.days)), default=0.0)
-    for index, curve in enumerate(curves):
+    for curve in curves:
         end = min(curve.end, 1.05 * far) if far else curve.end
         days = np.concatenate([[0.0], curve.days, [max(end, *curve.days[-1:], 1.0)]])
         parts = [np.concatenate([[1.0], y, y[-1:]]) if len(y) else np.ones(2)
                  for y in (curve.share, curve.low, curve.high)]  # fmt: skip
-        style = look(index)
+        style = look(curve.tint)
         axes.step(days, parts[0], where="post", label=short(curve.label), **style)
         axes.fill_between(days, parts[1], parts[2], step="post", color=style["color"], alpha=0.12,
                           **BAND)  # fmt: skip
@@ -270,19 +302,15 @@ def draw_survival(axes: Axes, curves: Sequence[Survival]) -> None:
 def draw_spreads(axes: Axes, spreads: Sequence[Spread], label: str) -> None:
     """One row a scenario."""
     for row, spread in enumerate(spreads):
-        colour = COLOURS[row % len(COLOURS)]
-        if spread.curve is not None and spread.curve.size:
-            values, density = spread.curve
-            top = row - 0.12 - 0.62 * density / max(float(density.max()), 1e-300)
-            axes.fill_between(values, row - 0.12, top, color=colour, alpha=0.25, **BAND)
+        colour = COLOURS[spread.tint % len(COLOURS)]
+        if spread.dots is not None:
+            heights = _stacked(spread.dots, spreads)
+            axes.plot(spread.dots, row - 0.16 - 0.085 * heights, "o", color=colour, markersize=3.2,
+                      alpha=0.75, markeredgewidth=0)  # fmt: skip
         if spread.quantiles is not None:
-            p5, p25, p50, p75, p95 = spread.quantiles
-            axes.plot([p5, p95], [row, row], color=colour, linewidth=1.5, solid_capstyle="butt")
-            axes.plot([p25, p75], [row, row], color=colour, linewidth=6.5, alpha=0.5,
-                      solid_capstyle="butt")  # fmt: skip
-            axes.plot(p50, row, "|", color=colour, markersize=13, markeredgewidth=2.2)
+            _draw_quantiles(axes, row, spread.quantiles, colour)
         else:
-            axes.annotate("not reached", (0.5, row), xycoords=("axes fraction", "data"),
+            axes.annotate("not known", (0.5, row), xycoords=("axes fraction", "data"),
                           ha="center", va="center", color=GREY)  # fmt: skip
         if spread.published is not None:
             axes.plot(spread.published, row, "o", color=colour, markeredgecolor="k", zorder=3)
@@ -293,6 +321,33 @@ def draw_spreads(axes: Axes, spreads: Sequence[Spread], label: str) -> None:
     if any(s.published is not None for s in spreads):
         axes.plot([], [], "o", color="w", markeredgecolor="k", label="published")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+
+
+def _draw_quantiles(axes: Axes, row: int, quantiles: tuple[float, ...], colour: str) -> None:
+    """Line P5 to P95, bar of the middle half, mark of the median; an arrow where an end is not known."""
+    known = [q for q in quantiles if np.isfinite(q)]
+    ends = [q if np.isfinite(q) else known[-1] for q in quantiles]
+    p5, p25, p50, p75, p95 = ends
+    axes.plot([p5, p95], [row, row], color=colour, linewidth=1.5, solid_capstyle="butt")
+    axes.plot([p25, p75], [row, row], color=colour, linewidth=6.5, alpha=0.5,
+              solid_capstyle="butt")  # fmt: skip
+    if np.isfinite(quantiles[2]):
+        axes.plot(p50, row, "|", color=colour, markersize=13, markeredgewidth=2.2)
+    if len(known) < len(quantiles):
+        axes.annotate("", xytext=(known[-1], row), xy=(1.0, row), color=colour,
+                      xycoords=("axes fraction", "data"), textcoords="data",
+                      arrowprops={"arrowstyle": "->", "color": colour, "linestyle": ":"})  # fmt: skip
+
+
+def _stacked(dots: np.ndarray, spreads: Sequence[Spread]) -> np.ndarray:
+    """How many dots [n] of a row lie below each, where they would lie upon one another."""
+    every = np.concatenate([s.dots for s in spreads if s.dots is not None])
+    width = max(float(np.ptp(every)) / 55.0, 1e-300)
+    heights = np.zeros(len(dots))
+    for i in range(1, len(dots)):
+        near = dots[i] - dots[:i] < width
+        heights[i] = 0.0 if not near.any() else heights[:i][near].max() + 1.0
+    return heights
 
 
 def frame(height: float = HEIGHT) -> tuple[Figure, Axes]:

@@ -23,6 +23,14 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GREY = "#555555"
+GRID = "#DDDDDD"
+# What a page has for ink, ground, grid and scenarios; its style sheet defines them.
+PAGE_COLOURS = {
+    "#000000": "currentColor",
+    "#ffffff": "none",
+    GRID.lower(): "var(--line)",
+    GREY: "var(--soft)",
+} | {colour.lower(): f"var(--t{i})" for i, colour in enumerate(COLOURS[:-1])}
 MAP = "cividis"  # even in lightness, the same for all colour vision
 FORMATS = ("png", "svg")
 METADATA: dict[str, dict[str, None]] = {
@@ -41,7 +49,7 @@ _RULES: Any = {
     "figure.titlesize": 11,
     "font.family": "DejaVu Sans",
     "font.size": 9,
-    "grid.color": "#DDDDDD",
+    "grid.color": GRID,
     "grid.linewidth": 0.6,
     "legend.frameon": False,
     "lines.linewidth": 1.4,
@@ -128,7 +136,13 @@ def page_svg(figure: Figure, name: str) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r"(?<=[: \"])#[0-9a-f]{6}\b", _of_page, text)
     return re.sub(r"<[^>]*>", functools.partial(_own_ids, name), text).strip()
+
+
+def _of_page(colour: re.Match[str]) -> str:
+    """A colour of the picture as the page's own one, which differs in a dark window."""
+    return PAGE_COLOURS.get(colour[0], colour[0])
 
 
 def _own_ids(name: str, tag: re.Match[str]) -> str:

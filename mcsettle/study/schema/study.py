@@ -1,5 +1,6 @@
 """The study file as a whole: its tables under the file's names."""
 
+from datetime import date
 from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
@@ -28,6 +29,7 @@ class StudyTables(Table):
     schema_version: Annotated[int, Field(ge=1, le=SCHEMA_VERSION)]
     title: Text = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    start_date: Annotated[date, Field(strict=False)] | None = None
     track_table: TrackTable = Field(default=TrackTable(), alias="track")
     profile: ProfileTable = ProfileTable()
     settlement: SettlementTable = SettlementTable()

@@ -31,10 +31,14 @@ class VariantTrainTable(Table):
 
 
 class VariantTable(Table):
-    """``[[variants]]``: another reading of the same study; keys left out follow the study's own."""
+    """``[[variants]]``: another reading of the same study; keys left out follow the study's own.
+
+    ``form_of`` names the question that this variant is a model form of; it changes no result.
+    """
 
     name: Name
     title: Text = ""
+    form_of: Name | None = None
     soil: Soil | None = None
     damping_convention: Literal["damping_ratio", "loss_factor"] | None = None
     spectrum: Spectrum | None = None
