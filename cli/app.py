@@ -18,7 +18,7 @@ from mcsettle.cli.report import compare, export, report
 from mcsettle.cli.run import run
 from mcsettle.cli.status import gather, status
 from mcsettle.cli.summarise import summarise
-from mcsettle.cli.terminal import heed_termination
+from mcsettle.cli.terminal import heed_termination, prepare_streams
 from mcsettle.cli.tornado import tornado
 from mcsettle.cli.track import track
 from mcsettle.cli.validate import validate
@@ -41,5 +41,6 @@ for verb in (
 
 def main() -> None:
     """Entry point of the ``mcsettle`` command."""
+    prepare_streams()
     heed_termination()
     app()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.options import StudyFile, Variant
-from mcsettle.cli.terminal import Progress, cores, plainly, talk
+from mcsettle.cli.terminal import Progress, cores, plainly, say, talk
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def factor_for_median(study: "Study", scenario: str, days: float, variant: str |
     found = calibrate(
         study, scenario, days, variant=variant, progress=Progress(), processes=cores()
     )
-    typer.echo("\n".join(calibration_lines(found)))
+    say("\n".join(calibration_lines(found)))
 
 
 def forecast_lines(found: Sequence["Prediction"]) -> Iterator[str]:
@@ -105,12 +105,12 @@ def factor_for_observations(
         from mcsettle.analysis.forecast import forecast
 
         own = (study, scenario, rows, hold_out, variant, Progress(), cores())
-        typer.echo("\n".join(forecast_lines(forecast(*own))))
+        say("\n".join(forecast_lines(forecast(*own))))
         rows = rows[:-hold_out]
     found = infer_factor(study, scenario, rows, variant, progress=Progress(), processes=cores())
     for warning in posterior_warnings(found):
         talk(f"warning: {warning}")
-    typer.echo("\n".join(posterior_lines(found)))
+    say("\n".join(posterior_lines(found)))
 
 
 def calibration_lines(found: Any) -> Iterator[str]:

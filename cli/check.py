@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcsettle.cli.options import StudyFile
-from mcsettle.cli.terminal import plainly, talk
+from mcsettle.cli.terminal import plainly, say, talk
 
 if TYPE_CHECKING:
     from mcsettle.study.study import Study
@@ -24,9 +24,8 @@ def check(
 
     loaded = load_study(study)
     warn_of(loaded)
-    typer.echo(
-        resolved_toml(loaded) if resolved else "\n".join(study_lines(loaded)), nl=not resolved
-    )
+    text = resolved_toml(loaded) if resolved else "\n".join(study_lines(loaded))
+    say(text, resolved, nl=not resolved)
 
 
 def warn_of(study: "Study") -> None:

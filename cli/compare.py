@@ -4,8 +4,6 @@ import dataclasses
 import json
 from typing import TYPE_CHECKING, Any
 
-from rich.markup import escape
-
 from mcsettle.cli.tables import UNKNOWN, add_numbers, console, quantiles, table
 
 if TYPE_CHECKING:
@@ -24,9 +22,9 @@ def print_comparison(found: "Comparison") -> None:
         out.print(inputs)
         more = len(found.differences) - MOST_DIFFERENCES
         if more > 0:
-            out.print(f"and {more} more", markup=False)
+            out.print(f"and {more} more")
     else:
-        out.print("The two studies have the same inputs.", markup=False)
+        out.print("The two studies have the same inputs.")
     medians = table("Medians", "variant", "scenario", "metric")
     medians.add_column("unit", overflow="fold", max_width=16)
     add_numbers(medians, "first ± s.e.", "second ± s.e.", "change P5", "P50 ± s.e.", "P95")
@@ -34,7 +32,7 @@ def print_comparison(found: "Comparison") -> None:
         medians.add_row(*_cells(row))
     out.print(medians)
     for line in _remarks(found):
-        out.print(line, markup=False)
+        out.print(line)
 
 
 def comparison_json(found: "Comparison") -> str:
@@ -67,4 +65,4 @@ def _remarks(found: "Comparison") -> list[str]:
 def _text(value: Any) -> str:
     if value is None:
         return UNKNOWN
-    return escape(f"{value:.6g}" if isinstance(value, float) else str(value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from mcsettle.cli.options import Json
-from mcsettle.cli.terminal import FAILED, plainly
+from mcsettle.cli.terminal import FAILED, plainly, say
 
 if TYPE_CHECKING:
     from mcsettle.cli.installation import Check
@@ -23,7 +23,7 @@ def doctor(
     from mcsettle.cli.installation import examine
 
     checks = examine()
-    typer.echo(doctor_json(checks) if json_output else "\n".join(doctor_lines(checks)))
+    say(doctor_json(checks) if json_output else "\n".join(doctor_lines(checks)), json_output)
     if any(check.state == "failed" for check in checks):
         raise typer.Exit(FAILED)
 

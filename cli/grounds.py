@@ -10,7 +10,7 @@ import typer
 
 from mcsettle.cli.options import Json, StudyFile, Variant
 from mcsettle.cli.tables import shown
-from mcsettle.cli.terminal import plainly, talk
+from mcsettle.cli.terminal import plainly, say, talk
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,12 +36,12 @@ def grounds(
 
     loaded = load_study(study)
     if results is None:
-        typer.echo("\n".join(list_lines(loaded)))
+        say("\n".join(list_lines(loaded)))
         return
     from mcsettle.summary.segments import ground_report
 
     report = ground_report(results, variant, scenario)
-    typer.echo(report_json(report) if json_output else "\n".join(report_lines(report)))
+    say(report_json(report) if json_output else "\n".join(report_lines(report)), json_output)
     if picture is not None:
         draw_report(report, picture)
         talk(f"Drew {picture}")

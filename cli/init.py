@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mcsettle.cli.terminal import plainly, talk
+from mcsettle.cli.terminal import plainly, say, talk
 from mcsettle.errors import InputError
 
 
@@ -34,4 +34,4 @@ def schema() -> None:
 
     from mcsettle.study.schema.study import json_schema
 
-    typer.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+    say(json.dumps(json_schema(), indent=2, ensure_ascii=False), True)

@@ -11,7 +11,7 @@ import typer
 from mcsettle.cli.check import warn_of
 from mcsettle.cli.options import Json, StudyFile
 from mcsettle.cli.tables import shown
-from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, talk
+from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, say, talk
 from mcsettle.estimate.rounding import with_error
 from mcsettle.units import MM
 
@@ -40,7 +40,7 @@ def life(
     from mcsettle.analysis.life import lives
 
     found = lives(loaded, realisations, Progress(), cores())
-    typer.echo(life_json(found) if json_output else "\n".join(life_lines(found)))
+    say(life_json(found) if json_output else "\n".join(life_lines(found)), json_output)
     if out is not None:
         write_lives(found, out)
 

@@ -5,10 +5,8 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-import typer
-
 from mcsettle.cli.options import Batch, Exact, Json, ParameterSets, Realisations, StudyFile, Threads
-from mcsettle.cli.terminal import Progress, cores, plainly, talk
+from mcsettle.cli.terminal import Progress, cores, plainly, say, talk
 
 if TYPE_CHECKING:
     from mcsettle.run.plan import Plan
@@ -35,7 +33,7 @@ def plan(
 
     asked = loaded.with_run(realisations, None, "every_axle" if exact else None, parameter_sets)
     found = plan_of(asked, threads, batch, Progress(), cores())
-    typer.echo(plan_json(found) if json_output else plan_text(found))
+    say(plan_json(found) if json_output else plan_text(found), json_output)
 
 
 def tell_plan(study: "Study", threads: int | None, batch: int | None) -> None:

@@ -10,7 +10,7 @@ import typer
 from typer import Option
 
 from mcsettle.cli.options import Json, option_name, taking
-from mcsettle.cli.terminal import checked_folder, plainly, talk
+from mcsettle.cli.terminal import checked_folder, plainly, say, talk
 from mcsettle.errors import InputError
 from mcsettle.estimate.rounding import with_error
 
@@ -86,7 +86,7 @@ def profile(
         if key in given:
             given[key] = [part.strip() for part in given[key].split(",")]
     report = report_of(file, given, speed_kmh)
-    typer.echo(report_json(report) if json_output else "\n".join(report_lines(report)))
+    say(report_json(report) if json_output else "\n".join(report_lines(report)), json_output)
     if out is not None:
         write_report(report, out, file.name)
 

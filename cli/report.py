@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, refuse_url, talk
+from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, refuse_url, say, talk
 from mcsettle.errors import InputError
 from mcsettle.storage.files import is_url
 
@@ -133,7 +133,7 @@ def compare(
 
     found = compared(read_results(first), read_results(second))
     if json_output:
-        typer.echo(comparison_json(found))
+        say(comparison_json(found), True)
     else:
         print_comparison(found)
 

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.markup import escape
 
 from mcsettle.cli.tables import UNKNOWN, add_numbers, console, print_fitted, shown, table
 from mcsettle.estimate.rounding import number
@@ -29,7 +28,7 @@ def print_spread(rows: "list[SummaryRow]") -> None:
         print_fitted(out, split, ("interaction", "correlation"))
     lines = list(_index_lines(rows))
     for line in lines:
-        out.print(line, markup=False)
+        out.print(line)
     if not lines and any(s.statistic == "variance_share" for row in rows for s in row.spread):
         from mcsettle.estimate.variance import LEAST_SETS
 
@@ -76,7 +75,6 @@ def _print_lines(out: Console, rows: "list[SummaryRow]") -> None:
     out.print(
         "A line's price is the mean of its sections' costs. Uncertain inputs are the same all along "
         "a line, so their spread stays. Open: too few parameter sets or tracks to say how far.",
-        markup=False,
     )
 
 
@@ -85,7 +83,7 @@ def _ranged(estimate: "Estimate") -> str:
     if estimate.value is None:
         return UNKNOWN
     ends = (number(end, empty="open") for end in (estimate.lower, estimate.upper))
-    return f"{number(estimate.value)}\n" + escape(f"[{', '.join(ends)}]")
+    return f"{number(estimate.value)}\n[{', '.join(ends)}]"
 
 
 def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:

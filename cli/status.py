@@ -4,11 +4,9 @@ import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-import typer
-
 from mcsettle.cli.options import Folder, Json, TakeOver
 from mcsettle.cli.run import tell_failed
-from mcsettle.cli.terminal import plainly, talk
+from mcsettle.cli.terminal import plainly, say, talk
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,7 +24,7 @@ def status(folder: Folder, json_output: Json = False) -> None:
     if not place(str(folder)).exists():
         raise InputError(f"{folder} is not a folder; 'mcsettle run STUDY --out {folder}' makes one")
     state = survey(str(folder))
-    typer.echo(status_json(state) if json_output else "\n".join(status_lines(state)))
+    say(status_json(state) if json_output else "\n".join(status_lines(state)), json_output)
 
 
 @plainly

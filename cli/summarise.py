@@ -12,7 +12,7 @@ from mcsettle.cli.options import Folder, Json
 from mcsettle.cli.picture import checked_picture, draw
 from mcsettle.cli.spread import print_spread, statistics_json
 from mcsettle.cli.tables import add_numbers, console, print_fitted, quantiles, shown, table
-from mcsettle.cli.terminal import plainly, talk
+from mcsettle.cli.terminal import plainly, say, talk
 
 if TYPE_CHECKING:
     from mcsettle.summary.results import Results
@@ -39,14 +39,14 @@ def summarise(
 
         rows = summary_rows(results)
         if json_output:
-            typer.echo(summary_json(results, rows))
+            say(summary_json(results, rows), True)
         else:
             print_summary(results, rows)
     else:
         from mcsettle.cli.one_screen import one_screen
         from mcsettle.summary.answers import answers
 
-        typer.echo("\n".join(one_screen(results, answers(results), str(folder))))
+        say("\n".join(one_screen(results, answers(results), str(folder))))
     if picture is not None:
         draw(results, folder, picture)
         talk(f"Drew {picture}")
@@ -73,7 +73,7 @@ def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
 def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
     """Print one table a variant on stdout."""
     out = console()
-    out.print(results.study.title or "untitled", style="bold", markup=False)
+    out.print(results.study.title or "untitled", style="bold")
     for variant in results.study.variants:
         of_variant = [row for row in rows if row.variant == variant.name]
         title = f"{variant.name}: {variant.title}" if variant.title else variant.name
@@ -93,7 +93,7 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
         print_spread(of_variant)
         print_inputs(results, variant.name)
     for line in _remarks(results):
-        out.print(line, markup=False)
+        out.print(line)
 
 
 def _cells(row: "SummaryRow", first: bool) -> list[str]:
@@ -179,10 +179,9 @@ def print_inputs(results: "Results", variant: str) -> None:
     out.print(
         f"given observed: {n} observation{'s' if n > 1 else ''}; {conditioning.effective:.1f} of "
         f"{len(conditioning.weights)} parameter sets carry the weight.",
-        markup=False,
     )
     if conditioning.remark:
-        out.print(f"warning: {conditioning.remark}", markup=False)
+        out.print(f"warning: {conditioning.remark}")
     bands = results.input_bands(variant)
     if not bands:
         return

@@ -1,13 +1,15 @@
 """Tables and numbers on the terminal, the same for every command."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Column, Table
 
 from mcsettle.estimate.rounding import number
+from mcsettle.report.outgoing import lines
 
 if TYPE_CHECKING:
     from mcsettle.estimate.estimate import Estimate
@@ -19,7 +21,20 @@ FOLDED = 8  # characters of a column of text that folds
 
 def console() -> Console:
     """Stdout, as wide as the terminal or ``WIDTH``."""
-    return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
+    return _Console(
+        width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False, emoji=False
+    )
+
+
+class _Console(Console):
+    """A console to which every text is data: no markup, and nothing that the terminal would obey."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Segments of ``renderable``, their texts as they may leave."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(lines(segment.text), segment.style)
 
 
 def table(title: str, *headings: str) -> Table:

@@ -7,6 +7,7 @@ interrupted.
 
 import contextlib
 import functools
+import json
 import os
 import signal
 import sys
@@ -18,6 +19,7 @@ from typing import ParamSpec, TypeVar
 import typer
 
 from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
+from mcsettle.report.outgoing import json_text, lines, plain
 from mcsettle.storage.files import is_url
 from mcsettle.storage.location import Folder, place
 
@@ -33,7 +35,26 @@ INTERRUPTED = 130
 
 def talk(message: str) -> None:
     """One message to the person at the terminal (stderr)."""
-    typer.echo(message, err=True)
+    typer.echo(lines(message), err=True)
+
+
+def say(text: str, is_data: bool = False, nl: bool = True) -> None:
+    """A result (stdout); ``is_data``: JSON or TOML, in whose strings escapes stand for what is odd."""
+    if is_data:
+        text = json_text(text)
+        if not (sys.stdout.encoding or "").lower().startswith("utf"):
+            text = "".join(c if c.isascii() else json.dumps(c)[1:-1] for c in text)
+    typer.echo(text if is_data else lines(text), nl=nl)
+
+
+def prepare_streams() -> None:
+    """Let output be written whatever stdout and stderr are: closed, or of a small character set."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the caller: what is said there is lost, and nothing else
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
 
 
 def cores() -> int:
@@ -68,6 +89,12 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
             raise typer.Exit(BAD_INPUT) from None
         except NumericalError as error:
             talk(f"mcsettle: the computation failed: {error}")
+            raise typer.Exit(FAILED) from None
+        except MemoryError:
+            talk(
+                "mcsettle: the memory that this process may use does not suffice; free some, raise its "
+                "limit, or give a smaller --batch: the same command goes on from what is there"
+            )
             raise typer.Exit(FAILED) from None
 
     return wrapped
@@ -187,7 +214,7 @@ class Progress:
         self.shown = now
         text = f"{stage}: {done}/{total} {self._left(done, total, now)}"
         if self.terminal:
-            sys.stderr.write(f"\r\033[K{text}")
+            sys.stderr.write(f"\r\033[K{plain(text)}")
             sys.stderr.flush()
         else:
             talk(text)

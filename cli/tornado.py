@@ -8,7 +8,7 @@ import typer
 
 from mcsettle.cli.options import Json, StudyFile, Variant
 from mcsettle.cli.tables import add_numbers, console, shown, table
-from mcsettle.cli.terminal import Progress, cores, plainly
+from mcsettle.cli.terminal import Progress, cores, plainly, say
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def tornado(
 
     bars = bars_of(loaded, variant, realisations, Progress(), cores())
     if json_output:
-        typer.echo(tornado_json(bars))
+        say(tornado_json(bars), True)
     else:
         print_tornado(bars)
 

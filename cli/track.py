@@ -8,7 +8,7 @@ import typer
 
 from mcsettle.cli.check import warn_of
 from mcsettle.cli.options import StudyFile
-from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, talk
+from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, say, talk
 
 if TYPE_CHECKING:
     from mcsettle.analysis.table4 import Increase
@@ -43,7 +43,7 @@ def track(
         for warning in speed_warnings(case):
             talk(f"warning: {warning}")
         head = [f"== {case.variant}"] if len(cases) > 1 else []
-        typer.echo("\n".join([*head, *track_lines(rows), *table4_lines(table)]))
+        say("\n".join([*head, *track_lines(rows), *table4_lines(table)]))
         if out is not None:
             from mcsettle.report.track_pictures import draw_track
 

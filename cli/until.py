@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-import typer
-
-from mcsettle.cli.terminal import talk
+from mcsettle.cli.terminal import say, talk
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import Finished, run_study
 from mcsettle.run.stopping import Batch, Run, Target, parse_target, run_until
@@ -28,7 +26,7 @@ def run_in_batches(
     target = None if until is None else parse_target(until)
 
     def tell(batch: Batch) -> None:
-        typer.echo(batch_line(batch, target))
+        say(batch_line(batch, target))
 
     stopped = run_until(study, out, target, max_minutes, options, progress, tell=tell, run=run)
     last = stopped.batches[-1].realisations

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcsettle.cli.options import Json
-from mcsettle.cli.terminal import FAILED, Progress, plainly
+from mcsettle.cli.terminal import FAILED, Progress, plainly, say
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,12 +27,12 @@ def validate(
 ) -> None:
     """Compare the models with closed forms and exact solutions; exit code 1 if one is missed."""
     if convergence:
-        typer.echo(convergence_text(names or [], json_output, Progress()))
+        say(convergence_text(names or [], json_output, Progress()), json_output)
         return
     cases = run_named_cases(names or [], Progress())
     from mcsettle.verification.run_cases import table
 
-    typer.echo(cases_json(cases) if json_output else table(cases))
+    say(cases_json(cases) if json_output else table(cases), json_output)
     if not all(case.passed for case in cases):
         raise typer.Exit(FAILED)
 

@@ -4,20 +4,27 @@ The compiler gives a parallel loop at least 512 iterations per thread by default
 few tiles would run on one core; the three ``cpu`` options below switch that rule off.
 """
 
+import atexit
 import contextlib
 import hashlib
 import io
 import os
+import shutil
 import tempfile
 from pathlib import Path
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
+try:
+    Path.home()
+except RuntimeError:  # a container's user without a name: Taichi would end the process
+    os.environ["HOME"] = tempfile.mkdtemp(prefix="mcsettle-home-")
+    atexit.register(shutil.rmtree, os.environ["HOME"], ignore_errors=True)
 
 import taichi as ti
 
 from mcsettle.errors import InputError
-from mcsettle.storage.files import cache_folder
+from mcsettle.storage.files import cache_folder, refuse_link
 
 STALE_LOCK = 60.0  # s
 
@@ -84,6 +91,7 @@ def _kernel_folder() -> Path:
     own = os.environ.get("MCSETTLE_KERNELS")
     try:
         folder = (Path(own) if own else cache_folder()) / cache_name()
+        refuse_link(folder)
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=folder, prefix=".probe-") as probe:
             remove_stale_locks(folder, os.fstat(probe.fileno()).st_mtime)

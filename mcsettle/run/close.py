@@ -15,7 +15,15 @@ from mcsettle.run import columns as rows
 from mcsettle.run.columns import summary_columns
 from mcsettle.run.factor_fit import Fit, read_fits, with_fits
 from mcsettle.run.shards import Shard, all_shards, index_ranges
-from mcsettle.run.status import Fault, Survey, held_shards, refuse_smaller, strays, survey
+from mcsettle.run.status import (
+    Fault,
+    Survey,
+    held_shards,
+    refuse_other_code,
+    refuse_smaller,
+    strays,
+    survey,
+)
 from mcsettle.storage import lock, shard_record, store
 from mcsettle.storage.foreign import is_ours, refuse_others_files
 from mcsettle.storage.location import Place, Where, place
@@ -41,7 +49,7 @@ def gather(folder: Where, take_over: bool = False) -> Survey:
         it is no results folder.
     """
     at = place(folder)
-    read_provenance(at)  # before anything is written there
+    refuse_other_code(at, read_provenance(at))  # before anything is written there
     refuse_others_files(at)
     with lock.held(at, "gather", take_over):
         found = survey(at)

@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+from mcsettle.errors import InputError
 from mcsettle.run.shards import Slice
 from mcsettle.study.study import Study
+
+_MOST = {"threads": 4096, "batch": 2**53, "processes": 4096, "shard_size": 2**31}
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,12 @@ class RunOptions:
     shards: Slice | None = None
     shard_size: int | None = None
     take_over: bool = False
+
+    def __post_init__(self) -> None:
+        for name, most in _MOST.items():
+            value = getattr(self, name)
+            if value is not None and not 1 <= value <= most:
+                raise InputError(f"{name} is {value}; it takes 1 to {most}")
 
     def applied_to(self, study: Study) -> Study:
         """The study with the sample size, seed and stepping of this run.

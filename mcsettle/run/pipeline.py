@@ -11,6 +11,7 @@ from pathlib import Path
 import mcsettle
 from mcsettle.errors import InputError
 from mcsettle.run.close import close, count_failed
+from mcsettle.run.code_digest import code_digest
 from mcsettle.run.compute import Job, compute
 from mcsettle.run.factor_fit import fit_sets
 from mcsettle.run.options import RunOptions
@@ -220,4 +221,5 @@ def _provenance(study: Study, prepared: StepA, size: int) -> Provenance:
         precision=study.run.precision,
         lanes=spectral.LANES[study.run.precision],
         shard_realisations=size,
+        code_digest=code_digest(),
     )

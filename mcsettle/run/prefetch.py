@@ -6,7 +6,6 @@ does. What a process finds it leaves in the cache folder, where the run picks it
 interrupted has lost the sets in flight and no more.
 """
 
-import multiprocessing
 from collections.abc import Mapping
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from contextlib import ExitStack, suppress
@@ -15,6 +14,7 @@ from types import TracebackType
 from mcsettle.errors import InputError, NumericalError
 from mcsettle.railway.scene import Scene
 from mcsettle.railway.track import SectionTrack
+from mcsettle.step_a.processes import process_pool
 from mcsettle.step_a.transfers import TransferStore, needs, step_a
 from mcsettle.types import Progress
 
@@ -54,11 +54,7 @@ class Prefetch:
 
     def __enter__(self) -> "Prefetch":
         if self.processes > 1 and self.total > 1:
-            from mcsettle.step_a.fem25d.section_response import worker_environment
-
-            self.stack.enter_context(worker_environment())
-            context = multiprocessing.get_context("spawn")
-            self.pool = ProcessPoolExecutor(min(self.processes, self.total), mp_context=context)
+            self.pool = self.stack.enter_context(process_pool(min(self.processes, self.total)))
             self._fill()
         return self
 
@@ -68,9 +64,7 @@ class Prefetch:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self.pool is not None:
-            self.pool.shutdown(wait=True, cancel_futures=True)
-        self.stack.close()
+        self.stack.__exit__(kind, error, trace)
 
     def wait(self, index: int) -> None:
         """Until what set ``index`` needs is in the cache folder.

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import mcsettle
 from mcsettle.errors import InputError
+from mcsettle.run.code_digest import code_digest
 from mcsettle.run.shards import Shard, all_shards
 from mcsettle.storage import lock, manifest, shard_record
 from mcsettle.storage.location import Place, Where, place
@@ -155,6 +156,22 @@ def _refuse_other(at: Place, provenance: Provenance, study: Study) -> None:
         raise InputError(
             f"'{at}' is of mcsettle {provenance.package_version}, this is {mcsettle.__version__}; "
             "use that version, or run the study into another folder"
+        )
+
+
+def refuse_other_code(at: Place, provenance: Provenance) -> None:
+    """Refuse to add to results of other sources of the same version.
+
+    Raises
+    ------
+    InputError
+        They are; those of versions that did not say so pass.
+    """
+    if provenance.code_digest not in ("", code_digest()):
+        raise InputError(
+            f"'{at}' was computed by other sources of mcsettle {provenance.package_version} (digest "
+            f"{provenance.code_digest[:12]}, these have {code_digest()[:12]}); use those, or run the "
+            "study into another folder"
         )
 
 

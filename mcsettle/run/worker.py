@@ -20,7 +20,7 @@ from mcsettle.run import compute
 from mcsettle.run.factor_fit import fitted_sets
 from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard, all_shards
-from mcsettle.run.status import held_shards
+from mcsettle.run.status import held_shards, refuse_other_code
 from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a.transfer_file import load, save
 from mcsettle.step_a.transfers import StepA, TransferStore, step_a
@@ -176,6 +176,7 @@ def _set_up(spec: RunSpec) -> WorkerState:
     seen = provenance.digest, study.run.realisations, study.n_sets
     if seen != spec[1:4]:
         raise InputError(f"'{at}' is not the folder of this run as this worker sees it")
+    refuse_other_code(at, provenance)
     try:
         runtime.start(spec.threads)
     except RuntimeError:

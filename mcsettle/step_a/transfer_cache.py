@@ -1,5 +1,7 @@
 """One set of transfer functions: from the cache folder if it is valid there, else computed and kept."""
 
+import contextlib
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +16,7 @@ from mcsettle.step_a.rail_bending import with_rail_bending
 from mcsettle.step_a.transfer import TrackResponse, TransferFunctions
 from mcsettle.step_a.transfer_file import keep_newest, load, save
 from mcsettle.storage.files import cache_folder
-from mcsettle.storage.shared_cache import bring, share
+from mcsettle.storage.shared_cache import bring, kept, share
 from mcsettle.types import Progress
 
 # Bytes of transfer functions kept: drawn vehicles leave one file per parameter set.
@@ -102,15 +104,16 @@ def _from_cache_or_computed(passage: _Passage, progress: Progress | None) -> Tra
         try:
             transfer = load(path)
             if transfer.digest == digest:
-                path.touch()  # used last: kept longest
+                with contextlib.suppress(OSError):  # another's file, or a read-only cache
+                    os.utime(path, follow_symlinks=False)  # used last: kept longest
                 return transfer
             raise InputError(f"{path} holds the transfer functions of something else")
         except InputError as error:
             if progress is not None:
                 progress(f"Recomputing a damaged cache file ({error})", 1, 1)
     transfer = _computed(passage, progress)
-    save(transfer, path)
-    share(path)
+    if kept(path, lambda: save(transfer, path)):
+        share(path)
     keep_newest(path.parent, "transfer-*.npz", LARGEST_CACHE)
     return transfer
 

@@ -2,9 +2,7 @@
 
 import contextlib
 import hashlib
-import os
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from typing import Any
 
 import numpy as np
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from mcsettle.errors import InputError
 from mcsettle.step_a.transfer import DepthGrid, TransferFunctions
+from mcsettle.storage.files import refuse_link, write_cached
 from mcsettle.storage.npz import DAMAGED, refuse_large
 
 FORMAT = "mcsettle transfer functions 1"
@@ -46,15 +45,7 @@ def save(transfer: TransferFunctions, path: str | Path) -> None:
     if transfer.following is not None:
         members["following"] = np.asarray(transfer.following)
     members["checksum"] = np.array(_checksum(members))
-    with NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
-        try:
-            np.savez(file, **members)
-            file.flush()
-            os.fsync(file.fileno())
-            os.replace(file.name, path)
-        except BaseException:
-            os.unlink(file.name)
-            raise
+    write_cached(path, lambda file: np.savez(file, **members))
 
 
 def load(path: str | Path) -> TransferFunctions:
@@ -68,6 +59,7 @@ def load(path: str | Path) -> TransferFunctions:
         If the file is damaged or of another format.
     """
     try:
+        refuse_link(Path(path))
         refuse_large(Path(path))
         with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
             members = {name: file[name] for name in file.files}
@@ -82,7 +74,7 @@ def load(path: str | Path) -> TransferFunctions:
     if stored != _checksum(members):
         raise InputError(f"{path} is damaged: its checksum does not match; compute it anew")
     try:
-        return TransferFunctions(
+        transfer = TransferFunctions(
             train=str(members["train"]),
             speed=float(members["speed"]),
             grid=DepthGrid(*(members[f"grid_{name}"] for name in _GRID)),
@@ -90,8 +82,36 @@ def load(path: str | Path) -> TransferFunctions:
             following=members.get("following"),
             **{name: members[name] for name in _ARRAYS},
         )
+        _refuse_shapes(transfer)
+        return transfer
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path} is damaged ({error}); compute it anew") from error
+
+
+def _refuse_shapes(transfer: TransferFunctions) -> None:
+    """Refuse arrays whose shapes do not fit each other.
+
+    Raises
+    ------
+    ValueError
+        The message names the first.
+    """
+    j, k, z = len(transfer.rail_deflection), len(transfer.wavenumbers), len(transfer.grid.z)
+    shapes = {
+        "wavenumbers": (k,),
+        "quasi_static": (j, 4, z),
+        "dynamic": (j, k, 4, z),
+        "force": (j, k),
+        "track_compliance": (k,),
+        "geostatic": (4, z),
+        "rail_deflection": (j,),
+    }
+    for name, shape in shapes.items():
+        if getattr(transfer, name).shape != shape:
+            raise ValueError(f"'{name}' has the shape {getattr(transfer, name).shape}, not {shape}")
+    for name in _GRID:
+        if getattr(transfer.grid, name).shape != (z,):
+            raise ValueError(f"the depths' '{name}' has another shape than 'z'")
 
 
 def _checksum(members: dict[str, NDArray[Any]]) -> str:

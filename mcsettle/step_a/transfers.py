@@ -6,9 +6,8 @@ change of Step B or of the economics costs nothing here.
 
 import hashlib
 import math
-import multiprocessing
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,6 +20,7 @@ from mcsettle.railway.track import SectionTrack, Track
 from mcsettle.railway.traffic import Service
 from mcsettle.step_a.critical_speed import speed_remark
 from mcsettle.step_a.interaction import transfer_digest
+from mcsettle.step_a.processes import process_pool
 from mcsettle.step_a.track_response import track_response
 from mcsettle.step_a.transfer import TrackResponse, TransferFunctions
 from mcsettle.step_a.transfer_cache import cached_transfer, transfer_file, under_reference_load
@@ -216,13 +216,7 @@ def _soften_ahead(
     missing = [ground for ground in grounds if not _is_cached(ground, modes, contact)]
     if len(missing) < 2:
         return
-    from mcsettle.step_a.fem25d.section_response import worker_environment
-
-    context = multiprocessing.get_context("spawn")
-    with (
-        worker_environment(),
-        ProcessPoolExecutor(min(workers, len(missing)), mp_context=context) as pool,
-    ):
+    with process_pool(min(workers, len(missing))) as pool:
         running = [pool.submit(_compute_softened, ground, modes, contact) for ground in missing]
         for done, finished in enumerate(as_completed(running), 1):
             finished.result()

@@ -46,7 +46,12 @@ def cache_folder() -> Path:
     own = os.environ.get("MCSETTLE_CACHE")
     own = None if own and is_url(own) else own
     base = own or os.environ.get("XDG_CACHE_HOME")
-    folder = Path(base) if base else Path.home() / ".cache"
+    try:
+        folder = Path(base) if base else Path.home() / ".cache"
+    except RuntimeError:  # no HOME, and a user whom the system does not know
+        raise InputError(
+            "this user has no home; set MCSETTLE_CACHE to a folder for the cache"
+        ) from None
     if not own:
         folder = folder / "mcsettle"
     try:
@@ -100,6 +105,7 @@ def write_cached(path: Path, fill: Callable[[BinaryIO], object]) -> None:
     OSError
         If the folder cannot be written.
     """
+    path.parent.mkdir(parents=True, exist_ok=True)
     _replace(path, _hidden(path), fill)
 
 

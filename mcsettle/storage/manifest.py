@@ -62,16 +62,22 @@ def listed_in(at: Place) -> dict[str, str] | None:
         return None
     own = asdict(read_provenance(at))
     try:
-        if data["schema_version"] != FORMAT or data["provenance"] not in (own, _older(own)):
+        if data["schema_version"] != FORMAT or data["provenance"] not in (own, *_older(own)):
             raise ValueError("it is of another run or version")
         return {str(entry["path"]): str(entry["sha256"]) for entry in data["files"]}
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"'{at}/{MANIFEST}' is damaged ({error}); resume the run") from error
 
 
-def _older(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """Provenance as it was written before shards had sizes."""
-    return {key: value for key, value in provenance.items() if key != "shard_realisations"}
+def _older(provenance: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Provenance as it was written before it said the code, and before shards had sizes."""
+    if provenance["code_digest"]:
+        return []
+    without_code = {key: value for key, value in provenance.items() if key != "code_digest"}
+    return [
+        without_code,
+        {key: value for key, value in without_code.items() if key != "shard_realisations"},
+    ]
 
 
 def refuse_strays(at: Place, found: list[str], listed: list[str]) -> None:

@@ -29,6 +29,7 @@ class Provenance:
     precision: str
     lanes: int
     shard_realisations: int = SHARD
+    code_digest: str = ""  # of the package's sources; "" in folders of versions that did not say it
 
     @property
     def digest(self) -> str:
@@ -91,7 +92,8 @@ def read_provenance(folder: Where) -> Provenance:
         ) from error
     for entry in fields(Provenance):
         value = getattr(found, entry.name)
-        if type(value) is not entry.type or (entry.type is int and not 0 <= value < 2**63):
+        least = 1 if entry.name == "shard_realisations" else 0
+        if type(value) is not entry.type or (entry.type is int and not least <= value < 2**63):
             raise InputError(
                 f"'{at}/{PROVENANCE}' is damaged ({entry.name} is {str(value)[:40]!r}); "
                 "start again in another folder"

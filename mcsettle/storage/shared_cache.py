@@ -5,9 +5,11 @@ objects below it. They are found by the digest of all they depend on, and checke
 """
 
 import os
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 
-from mcsettle.storage.files import cache_folder, is_url, write_bytes
+from mcsettle.storage.files import cache_folder, is_url, write_cached
 from mcsettle.storage.location import Place, place
 
 LARGEST = 1024**3  # bytes of a file of the cache
@@ -28,7 +30,26 @@ def bring(path: Path) -> None:
         data = shared.read(path.name, LARGEST)
     except FileNotFoundError:
         return
-    write_bytes(path.parent, path.name, data)
+    kept(path, lambda: write_cached(path, lambda file: file.write(data)))
+
+
+def kept(path: Path, write: Callable[[], object]) -> bool:
+    """Let ``write`` put ``path`` into the cache folder; whether it could.
+
+    The cache is a courtesy: where it is full, read-only or somebody else's, the run goes on, and what
+    it has computed is computed again the next time.
+    """
+    try:
+        write()
+    except OSError as error:
+        warnings.warn(
+            f"'{path}' cannot be kept ({error.strerror or error}); it is computed again the next time: "
+            "make room there, or name another cache folder (MCSETTLE_CACHE)",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+        return False
+    return True
 
 
 def share(path: Path) -> None:

@@ -66,7 +66,7 @@ def test_softened_grounds_that_are_at_hand_start_no_process(monkeypatch):
     monkeypatch.setattr(
         transfers, "track_response", lambda *_, **__: SimpleNamespace(digest="made up")
     )
-    monkeypatch.setattr(transfers, "ProcessPoolExecutor", None)
+    monkeypatch.setattr(transfers, "process_pool", None)
     modes = study.wavenumbers
     folder = cache_folder()
     folder.mkdir(parents=True, exist_ok=True)

@@ -276,3 +276,56 @@ def test_reading_what_is_not_there(folder, tmp_path):
     (folder / "provenance.json").write_text("{", encoding="utf-8")
     with pytest.raises(InputError, match=r"provenance\.json' is damaged"):
         store.read(folder, "realisations")
+
+
+def test_results_of_changed_code_of_the_same_version_are_noticed(folder):
+    changed = Provenance(**{**vars(PROVENANCE), "code_digest": "ef"})
+    with pytest.raises(InputError, match="code digest  where this run has ef"):
+        store.prepare(folder, changed)
+    assert manifest.verify(folder) == 6
+
+
+def without_code(folder):
+    """As it was written before provenance said the code."""
+    path = folder / "provenance.json"
+    data = json.loads(path.read_text(encoding="utf-8"))
+    del data["code_digest"]
+    path.write_text(json.dumps(data), encoding="utf-8")
+    for shard in (folder / "realisations").iterdir():
+        table = pq.read_table(shard)
+        stored = {k: v for k, v in table.schema.metadata.items() if k != b"code_digest"}
+        pq.write_table(table.replace_schema_metadata(stored), shard)
+
+
+def test_a_folder_of_before_is_read(folder):
+    before = store.read(folder, "realisations")
+    without_code(folder)
+    (folder / "manifest.json").unlink()
+    assert store.read(folder, "realisations").equals(before)
+    store.finish(folder)
+    data = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    del data["provenance"]["code_digest"]
+    (folder / "manifest.json").write_text(json.dumps(data), encoding="utf-8")
+    assert manifest.verify(folder) > 0
+
+
+def test_a_shard_of_no_realisations_is_damage(folder):
+    path = folder / "provenance.json"
+    text = path.read_text(encoding="utf-8").replace(
+        '"shard_realisations": 2048', '"shard_realisations": 0'
+    )
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="shard_realisations is '0'"):
+        store.read(folder, "realisations")
+
+
+def test_a_shard_of_other_columns_is_refused(folder):
+    path = next((folder / "realisations").iterdir())
+    table = pq.read_table(path)
+    (folder / "manifest.json").unlink()
+    for other in (table.drop_columns(["failure"]), table.cast(table.schema.remove_metadata())):
+        pq.write_table(other.replace_schema_metadata(table.schema.metadata), path)
+        if other.schema.names == table.schema.names and other.schema.equals(table.schema):
+            continue
+        with pytest.raises(InputError, match="has other columns than table 'realisations'"):
+            store.read(folder, "realisations")

@@ -2,18 +2,17 @@
 
 import hashlib
 import json
-import os
-import tempfile
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 
 from mcsettle.step_a.fem25d.reduced_basis import Band, Bases
+from mcsettle.storage.files import refuse_link, write_cached
 from mcsettle.storage.npz import DAMAGED, refuse_large
-from mcsettle.storage.shared_cache import bring, share
+from mcsettle.storage.shared_cache import bring, kept, share
 
 FORMAT = 6  # raise whenever the same settings would give other numbers
 T = TypeVar("T")
@@ -42,18 +41,12 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
     """Write arrays, the name they go by and their checksum to one ``.npz``, complete or not at all."""
     arrays = arrays | {"name": np.array(path.stem)}
     checksum = np.array(_checksum(arrays))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            np.savez(stream, checksum=checksum, **arrays)  # type: ignore[arg-type]
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-    share(path)
+
+    def fill(file: BinaryIO) -> None:
+        np.savez(file, checksum=checksum, **arrays)  # type: ignore[arg-type]
+
+    if kept(path, lambda: write_cached(path, fill)):
+        share(path)
 
 
 def read_bases(path: Path) -> Bases | None:
@@ -71,6 +64,7 @@ def read_arrays(path: Path, what: str, make: Callable[[dict[str, np.ndarray]], T
     if not path.exists():
         return None
     try:
+        refuse_link(path)
         refuse_large(path)
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}

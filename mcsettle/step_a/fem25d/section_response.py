@@ -1,10 +1,7 @@
 """Entry to Step A: the reduced bases of a track, read or computed, as a ``SectionResponse``."""
 
-import multiprocessing
-import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,17 +18,11 @@ from mcsettle.step_a.fem25d.settings import Settings
 from mcsettle.step_a.fem25d.solve import outputs, solve
 from mcsettle.step_a.fem25d.stress_outputs import centreline
 from mcsettle.step_a.fem25d.track_section import ElementProperties, track_section
+from mcsettle.step_a.processes import process_pool
 from mcsettle.storage.files import cache_folder
 
 Progress = Callable[[int, int, str], None]
 HELD_OUT_SEED = 8_230_451
-# Environment of a spawned process: one BLAS thread; freed memory stays with it, because every
-# factorisation takes tens of megabytes whose pages the system would clear again each time (glibc).
-WORKER = {
-    "OPENBLAS_NUM_THREADS": "1",
-    "MALLOC_MMAP_THRESHOLD_": "1000000000",
-    "MALLOC_TRIM_THRESHOLD_": "1000000000",
-}
 
 
 def section_response(
@@ -159,32 +150,13 @@ def _compute(model: _Model, progress: Progress | None, workers: int) -> Bases:
             done[i] = _grow(section, model, i)
             report(i)
     else:
-        context = multiprocessing.get_context("spawn")
-        with (
-            worker_environment(),
-            ProcessPoolExecutor(min(workers, count), mp_context=context) as pool,
-        ):
+        with process_pool(min(workers, count)) as pool:
             jobs = {pool.submit(_task, model, i): i for i in range(count)}
             for job in as_completed(jobs):
                 done[jobs[job]] = job.result()
                 report(jobs[job])
     bands, errors, heights = zip(*(done[i] for i in range(count)), strict=True)
     return Bases(bands, np.concatenate(errors), heights[0])
-
-
-@contextmanager
-def worker_environment() -> Iterator[None]:
-    """Environment for processes spawned inside; afterwards that of this process is restored."""
-    before = {name: os.environ.get(name) for name in WORKER}
-    os.environ.update(WORKER)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 _sections: dict[str, Section] = {}  # of a worker process: the bands of one track share it

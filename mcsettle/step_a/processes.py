@@ -1,0 +1,71 @@
+"""Processes of Step A: spawned, one BLAS thread each, and gone when their parent is."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+
+END = 5.0  # s that a process that was told to end is waited for
+# Environment of a spawned process: one BLAS thread; freed memory stays with it, because every
+# factorisation takes tens of megabytes whose pages the system would clear again each time (glibc).
+WORKER = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "MALLOC_MMAP_THRESHOLD_": "1000000000",
+    "MALLOC_TRIM_THRESHOLD_": "1000000000",
+}
+
+
+@contextmanager
+def process_pool(n: int) -> Iterator[ProcessPoolExecutor]:
+    """``n`` spawned processes, for as long as the context lasts.
+
+    Left by an error, or an interrupt, it ends them at once, whatever they are at: what they have not
+    put into the cache folder is lost, and nothing waits for it.
+    """
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    with _environment():
+        pool = ProcessPoolExecutor(n, mp_context=context, initializer=_end_with_parent)
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            ours = set(multiprocessing.active_children()) - others
+            for process in ours:
+                process.terminate()
+            for process in ours:
+                process.join(END)
+            raise
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """In a new process: end when the parent does, however that is, and leave Ctrl-C to it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_await_parent, daemon=True).start()
+
+
+def _await_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()  # its end of a pipe is closed by the system, whatever ends it
+        os._exit(1)
+
+
+@contextmanager
+def _environment() -> Iterator[None]:
+    """Environment for processes spawned inside; afterwards that of this process is restored."""
+    before = {name: os.environ.get(name) for name in WORKER}
+    os.environ.update(WORKER)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,68 @@
+"""Processes of Step A end with their parent, however it ends, and at once when it is interrupted."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from mcsettle.step_a.processes import process_pool
+
+PROGRAM = """
+import os, time
+from mcsettle.step_a.processes import process_pool
+
+if __name__ == "__main__":
+    with process_pool(2) as pool:
+        jobs = [pool.submit(time.sleep, 600) for _ in range(4)]
+        print(*pool._processes, flush=True)
+        time.sleep(600)
+"""
+
+
+def is_there(pid: int) -> bool:
+    try:
+        with open(f"/proc/{pid}/stat", encoding="ascii") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_no_worker_outlives_its_parent(tmp_path, number):
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM, encoding="utf-8")
+    parent = subprocess.Popen(
+        [sys.executable, str(program)], stdout=subprocess.PIPE, text=True, stderr=subprocess.DEVNULL
+    )
+    assert parent.stdout is not None
+    pids = [int(pid) for pid in parent.stdout.readline().split()]
+    assert len(pids) == 2
+    assert all(is_there(pid) for pid in pids)
+    parent.send_signal(number)
+    parent.wait(10)
+    parent.stdout.close()
+    until = time.monotonic() + 20.0
+    while any(is_there(pid) for pid in pids):
+        assert time.monotonic() < until, "a worker outlived its parent"
+        time.sleep(0.05)
+
+
+def test_an_interrupt_does_not_wait_for_what_is_running():
+    began = time.monotonic()
+
+    def interrupted() -> None:
+        with process_pool(1) as pool:
+            assert pool.submit(os.getpid).result() != os.getpid()
+            for _ in range(3):
+                pool.submit(time.sleep, 600)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert time.monotonic() - began < 60.0
+    assert multiprocessing.active_children() == []
+    assert os.environ.get("MALLOC_TRIM_THRESHOLD_") is None
