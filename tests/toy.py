@@ -15,10 +15,10 @@ import pandas as pd
 from mcsettle.railway.irregularity import default_section, sample_profiles, wavenumbers
 from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.spectra import spectrum
-from mcsettle.railway.track import TOY_TRACK, PowerLaw
+from mcsettle.railway.track import TOY_TRACK, BeamTrack, PowerLaw
 from mcsettle.railway.traffic import Service, Timetable, Train
 from mcsettle.railway.vehicle import FREIGHT, PASSENGER
-from mcsettle.step_a.beam import beam_response
+from mcsettle.step_a.beam import BeamResponse, beam_response
 from mcsettle.step_a.interaction import precompute
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.case import Case
@@ -40,14 +40,18 @@ TRAINS = {
 SPEEDS = {"passenger": 201 * KMH, "freight": 97 * KMH, "car": 201 * KMH}
 
 
-beam_response_once = functools.cache(beam_response)
-
-
 @functools.cache
-def response():
-    # 300 m is longer than the trains by the reach of their stresses; the tests compare Step B with
-    # itself, so the cut at 20 rad/m need not be converged.
-    return beam_response(TOY_TRACK, period=300.0, cutoff=20.0)
+def beam_response_once(track: BeamTrack, integration_depth: float = 5.5) -> BeamResponse:
+    """Step A of a track, once a session.
+
+    300 m is longer than the tests' trains by the reach of their stresses; the tests compare runs with
+    one another, so the cut at 20 rad/m need not be converged.
+    """
+    return beam_response(track, integration_depth, period=300.0, cutoff=20.0)
+
+
+def response() -> BeamResponse:
+    return beam_response_once(TOY_TRACK)
 
 
 @functools.cache
