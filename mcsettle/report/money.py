@@ -79,9 +79,10 @@ def about(value: float, error: float | None, currency: str) -> str:
 def between(low: float, high: float, currency: str) -> str:
     r"""A range of prices in words; what is below zero is a saving.
 
-    >>> between(-0.07, 0.28, "GBP"), between(0.002, 0.021, "GBP"), between(-0.07, -0.02, "GBP")
-    ('between a saving of 7 and a cost of 28 pence', 'between 0.2 and 2.1 pence', \
-'between savings of 2 and 7 pence')
+    >>> between(-0.07, 0.28, "GBP"), between(0.002, 0.021, "GBP")
+    ('between a saving of 7 and a cost of 28 pence', 'between 0.2 and 2.1 pence')
+    >>> between(-0.07, -0.02, "GBP")
+    'between savings of 2.0 and 7.0 pence'
     """
     money = money_for(currency, [low, high])
     size = max(abs(low), abs(high)) * money.scale

@@ -19,7 +19,7 @@ from mcsettle.analysis.track_summary import (
     track_summary,
 )
 from mcsettle.cli.app import app
-from mcsettle.cli.summarise import table4_lines, track_lines
+from mcsettle.cli.track import table4_lines, track_lines
 from mcsettle.report import track_pictures
 from mcsettle.report.track_pictures import draw_track, freight_passage
 from mcsettle.step_a import critical_speed
