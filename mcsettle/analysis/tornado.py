@@ -16,10 +16,10 @@ from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Outcome, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
+from mcsettle.summary.results import INTERVAL
 from mcsettle.types import Progress
 
 ENDS = (0.1, 0.9)
-INTERVAL = "tamping_interval_days"
 
 
 @dataclass(frozen=True)

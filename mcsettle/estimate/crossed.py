@@ -4,7 +4,7 @@ The rows of such a table are not independent: all R rows of a set share its inpu
 realisation its track. Errors come from resampling sets and realisations separately (the pigeonhole
 bootstrap), which is right for means up to the share of the interaction and a little too wide where
 that is large; a Sobol sequence fills the inputs more evenly than chance, and the errors do not take
-credit for it.
+credit for it. (``scipy.stats.bootstrap`` resamples one index, with neither crossed nor weighted sets.)
 
 Sets may be weighted (``observed``: by the likelihood of what was observed); the tails of a percentile
 interval are then those of as many sets as carry the weight, 1/Σp².
@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from mcsettle.estimate.estimate import CONFIDENCE, LEVELS, Estimate, Statistic
-from mcsettle.estimate.order_statistics import order_positions, worth
+from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
+from mcsettle.estimate.order_statistics import implied_error, order_positions, worth
 from mcsettle.estimate.resampling import Resampling, Weights
 
 CHUNK = 4_000_000  # cumulative weights held at a time
@@ -199,9 +199,7 @@ def _bounded(
     if 2 * n_unknown > n or not worst[0] <= value <= worst[1]:
         return Estimate(None, *interval, None, n, n_unknown, unit, note)
     note = f"over {n - n_unknown} uncensored pairs; {note}"
-    sides = [abs(end - value) for end in interval if end is not None]
-    error = float(np.mean(sides)) / float(stats.norm.ppf(0.5 + 0.5 * CONFIDENCE)) if sides else None
-    return Estimate(value, *interval, error, n, n_unknown, unit, note)
+    return Estimate(value, *interval, implied_error(interval, value), n, n_unknown, unit, note)
 
 
 def _quantiles(
@@ -259,10 +257,10 @@ def _corrected(
 def _limits(
     values: np.ndarray, level: float, quantile: float, drawn: Resampling
 ) -> tuple[float | None, float | None]:
-    """95 % limits of a quantile over [E, R] values, from order statistics; None where it is open.
-
-    What the sample is worth follows from the share below the quantile in the resamples.
-    """
+    """95 % limits of a quantile over [E, R] values, from order statistics; None where it is open."""
+    # E·R rows that share sets and tracks know less than E·R independent ones. How much less shows in
+    # the share below the quantile: its variance over the resamples, against F (1 − F) / n, gives the n
+    # of independent values that know as much, and that n its order statistics.
     known = ~np.isnan(values)
     if not np.any(known):
         return None, None

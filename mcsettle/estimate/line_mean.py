@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import ndtri
 
 from mcsettle.estimate.crossed import crossed_mean, crossed_quantiles
-from mcsettle.estimate.estimate import CONFIDENCE, LEVELS, Estimate, Statistic
+from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
 from mcsettle.estimate.line_mean_error import Moments, line_intervals, section_moments
+from mcsettle.estimate.order_statistics import implied_error
 from mcsettle.estimate.resampling import Resampling, Weights, plain_weights
 from mcsettle.estimate.sample import mean, quantile
 
@@ -138,9 +138,7 @@ def _of_lines(
     for value, ends in zip(
         at, line_intervals(of_sections, lines, count, LEVELS, at, drawn), strict=True
     ):
-        sides = [abs(end - value) for end in ends if end is not None]
-        error = float(np.mean(sides) / ndtri(0.5 + 0.5 * CONFIDENCE)) if sides else None
-        found.append(Estimate(value, *ends, error, n, lost, unit, note))
+        found.append(Estimate(value, *ends, implied_error(ends, value), n, lost, unit, note))
     return tuple(found)
 
 

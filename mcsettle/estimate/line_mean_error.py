@@ -132,6 +132,9 @@ def _tracks(
 
 def _one_set(found: Moments, count: int, level: float, n_tracks: int) -> tuple[float, float]:
     """Studentised: the quantile's error by its influence function in every resample."""
+    # The quantile is mean + lean · sd, and both move with the tracks: its variance is that of the mean,
+    # of the sd and their covariance (the skewness). Each resample's miss is measured in its own error,
+    # so that one that came out narrow by chance does not pass for precise.
     root = np.sqrt(count)
     mean, sd = found.mean[:, 0], found.sd[:, 0]
     at = curve(level, found.skew[:, 0] / root)

@@ -5,7 +5,8 @@ n = F (1 − F) / V independent values (Woodruff 1952; Korn and Graubard 1998 fo
 quantile's limits are then order statistics j and k of n: P(fewer than j below) and P(at least k
 below) are both 2.5 %, at the middles of their steps. Where even the outermost value is no limit,
 (1 − p)ⁿ > 2.5 %, the sample cannot give one, and that side is open: for P5 and P95 it takes 72
-independent values.
+independent values. SciPy has such limits for independent values only, not for crossed or
+weighted ones.
 
 References: Woodruff (1952), Journal of the American Statistical Association 47, 635–646; Korn and
 Graubard (1998), Survey Methodology 24, 193–201.
@@ -13,6 +14,7 @@ Graubard (1998), Survey Methodology 24, 193–201.
 
 from collections.abc import Sequence
 
+import numpy as np
 from scipy import optimize, special, stats
 
 from mcsettle.estimate.estimate import CONFIDENCE
@@ -31,6 +33,14 @@ def worth(share: float, variance: float, sizes: Sequence[float]) -> float:
     shrunk = (stats.norm.ppf(TAIL) / stats.t.ppf(TAIL, smallest - 1.0)) ** 2
     plain = share * (1.0 - share)
     return float(min(MANY, shrunk * plain / variance)) if variance > plain / MANY else MANY
+
+
+def implied_error(
+    ends: Sequence[float | None], value: float, confidence: float = CONFIDENCE
+) -> float | None:
+    """Standard error that a confidence interval implies; from one side where the other is open."""
+    sides = [abs(end - value) for end in ends if end is not None]
+    return float(np.mean(sides)) / float(special.ndtri(0.5 + 0.5 * confidence)) if sides else None
 
 
 def order_positions(n: float, level: float) -> tuple[float | None, float | None]:

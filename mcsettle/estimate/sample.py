@@ -10,6 +10,7 @@ from scipy import special, stats
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import CONFIDENCE, LEVELS, Estimate, Statistic
+from mcsettle.estimate.order_statistics import implied_error
 
 CHUNK, LARGEST_KEPT = (
     50_000,
@@ -88,7 +89,7 @@ def interval_quantile(
     n = len(events) + len(horizons)
     error = _quantile_error(times, reached, level, n)
     if value is not None and error is None:
-        error = _implied_error(lower, value, upper, confidence)
+        error = implied_error((lower, upper), value, confidence)
     error = None if value is None else error
     return Estimate(value, lower, upper, error, n, len(horizons), "d", note)
 
@@ -191,7 +192,7 @@ def effect_quantile(
         value, note = worst[0], ""
     elif value is None or 2 * n_censored > n or not worst[0] <= value <= worst[1]:
         value, note = None, f"worst case {worst[0]:.4g} to {worst[1]:.4g}"
-    error = None if value is None else _implied_error(lower, value, upper, confidence)
+    error = None if value is None else implied_error((lower, upper), value, confidence)
     return Estimate(value, lower, upper, error, n, n_censored, unit, note)
 
 
@@ -327,14 +328,6 @@ def _quantile_error(times: np.ndarray, reached: np.ndarray, level: float, n: int
     return float(np.sqrt(np.sum(weights * (times - centre) ** 2)))
 
 
-def _implied_error(
-    lower: float | None, value: float, upper: float | None, confidence: float
-) -> float | None:
-    """Standard error a confidence interval implies; from one side where the other is open."""
-    sides = [abs(limit - value) for limit in (lower, upper) if limit is not None]
-    return float(np.mean(sides)) / _z(confidence) if sides else None
-
-
 def _studentised(
     sample: np.ndarray, confidence: float, n_resamples: int, seed: int
 ) -> tuple[float, float]:
@@ -366,11 +359,6 @@ def _resampled_rows(n: int, n_resamples: int, seed: int) -> Iterable[np.ndarray]
 @lru_cache(maxsize=2)
 def _kept_rows(n: int, n_resamples: int, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, n, (n_resamples, n))
-
-
-def _z(confidence: float) -> float:
-    """Half-width of the normal's central interval, in standard errors."""
-    return float(special.ndtri(0.5 + 0.5 * confidence))
 
 
 def _finite(number: float) -> float | None:

@@ -93,6 +93,9 @@ def _caused_by_inputs(scores: np.ndarray) -> tuple[float, float]:
 
 def _learnt(kernels: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, float]:
     """θ [D] and the nugget that maximise the likelihood of ``spread`` [n, R]."""
+    # The tracks are R draws of one process, so they share θ and nugget, and σ² has a closed form: what
+    # is left is n R/2 log σ² + R/2 log det K over R, with its exact gradient in log θ. That takes the
+    # derivative of a product for every input: all factors but one (``_products_without``).
     n_inputs, n = len(kernels), len(spread)
     bounds = [tuple(np.log(THETA))] * n_inputs + [tuple(np.log(NUGGET))]
 

@@ -18,12 +18,12 @@ from mcsettle.estimate.resampling import SetWeights, as_interval, plain_weights
 from mcsettle.estimate.sample import interval_quantile, mean
 from mcsettle.study.study import Study
 from mcsettle.summary.forms import FormEffect, FormsSummary, summarise_forms
-from mcsettle.summary.results import Results
+from mcsettle.summary.results import CENSORED, INTERVAL, Results
 from mcsettle.summary.spread import sets_of
 from mcsettle.summary.summary import cost_exponent, set_weights
 from mcsettle.units import DAYS_PER_YEAR
 
-INTERVAL, CENSORED, SETTLED = "tamping_interval_days", "censored_at_days", "mean_settlement_mm"
+SETTLED = "mean_settlement_mm"
 HALF = (0.25, 0.75)  # between which half of the sections lie
 BAND = (0.05, 0.5, 0.95)
 

@@ -17,9 +17,8 @@ from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.sample import effect_quantile, interval_quantile
 from mcsettle.study.study import Study
 from mcsettle.study.written import study_data
-from mcsettle.summary.results import Results
+from mcsettle.summary.results import CENSORED, INTERVAL, Results
 
-INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"
 KEYS = ["parameter_set", "realisation"]
 SILENT = ("title", "reference", "calibration", "sources")
 

@@ -15,6 +15,8 @@ from mcsettle.storage.tables import input_column
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, study_from_text
 
+INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"  # columns of ``realisations``
+
 
 @dataclass(frozen=True)
 class Results:

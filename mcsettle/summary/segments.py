@@ -15,7 +15,7 @@ from mcsettle.estimate.estimate import LEVELS
 from mcsettle.storage import store
 from mcsettle.storage.location import Where, place
 from mcsettle.study.study import Study
-from mcsettle.summary.results import study_of
+from mcsettle.summary.results import INTERVAL, study_of
 from mcsettle.units import DAYS_PER_YEAR
 
 
@@ -92,7 +92,7 @@ def _weighted(study: Study, frame: pd.DataFrame, variant: str, scenario: str) ->
     frame["segment"] = [ground.segment for ground in own]
     frame["weight"] = np.array([ground.probability for ground in own]) / tracks
     censored = frame["status"] == "censored"
-    frame["days"] = frame["tamping_interval_days"].astype(float).where(~censored, np.inf)
+    frame["days"] = frame[INTERVAL].astype(float).where(~censored, np.inf)
     priced = study.priced
     years = np.minimum(frame["days"].to_numpy(), study.limit.horizon_days) / DAYS_PER_YEAR
     cost = np.full(len(years), np.nan)

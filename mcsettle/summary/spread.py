@@ -22,9 +22,9 @@ from mcsettle.estimate.variance import LEAST_SETS, first_order, spread_scores, v
 from mcsettle.storage.tables import input_column
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.study import Study
+from mcsettle.summary.results import CENSORED, INTERVAL
 from mcsettle.units import DAYS_PER_YEAR
 
-INTERVAL = "tamping_interval_days"
 IDENTITY = 1e-12  # relative variance of a paired effect below which it is the same on every track
 
 
@@ -59,14 +59,14 @@ def interval_spread(
     independent of each other.
     """
     days = matrix(table, INTERVAL)
-    censored = np.isnan(days) & ~np.isnan(matrix(table, "censored_at_days"))
+    censored = np.isnan(days) & ~np.isnan(matrix(table, CENSORED))
     found = list(_split(study, members, table, days, censored, weights))
     if 2 * censored.sum() > np.sum(~np.isnan(days) | censored):
         return found  # the mean over a line is mostly the horizon
     if not censored.any():
         return found + _lines(study, days, "d", "", weights)
     # A section that outlasts the horizon counts with the horizon, in every mean.
-    horizon = float(np.nanmin(matrix(table, "censored_at_days")))
+    horizon = float(np.nanmin(matrix(table, CENSORED)))
     cut = np.where(censored, horizon, np.minimum(days, horizon))
     return found + _lines(study, cut, "d", f"restricted to day {horizon:g}", weights)
 

@@ -23,11 +23,10 @@ from mcsettle.storage.tables import input_column
 from mcsettle.study.schema.published import ReferenceTable
 from mcsettle.study.study import Study
 from mcsettle.summary.courses import courses
-from mcsettle.summary.results import Results
+from mcsettle.summary.results import CENSORED, INTERVAL, Results
 from mcsettle.summary.spread import effect_spread, interval_spread, matrix, sets_of
 from mcsettle.units import DAYS_PER_YEAR
 
-INTERVAL = "tamping_interval_days"
 GROWTH = "sd_growth_1y_mm"
 
 
@@ -84,7 +83,7 @@ def _rows_of(
         return
 
     def intervals(of_sets: Weights) -> list[Statistic]:
-        return _intervals(table, INTERVAL, "censored_at_days", of_sets)
+        return _intervals(table, INTERVAL, CENSORED, of_sets)
 
     row = SummaryRow(variant, scenario, INTERVAL, "d", tuple(intervals(None)))
     row = replace(row, spread=tuple(interval_spread(results.study, results.members, table)))
