@@ -197,7 +197,8 @@ def test_every_exit_code_is_named() -> None:
     from mcsettle.cli import terminal
 
     text = GUIDE.split("## Exit codes")[1].split("\n## ")[0]
-    for code in (0, 1, terminal.BAD_INPUT, terminal.PARTIAL, terminal.INTERRUPTED):
+    for name in ("FAILED", "BAD_INPUT", "PARTIAL", "MISSED", "INTERRUPTED"):
+        code = getattr(terminal, name)
         assert f"| {code} |" in text
 
 
