@@ -54,10 +54,12 @@ def life_lines(found: Sequence["Life"]) -> Iterator[str]:
         yield f"{'':<34}{'mean ± s.e.':>20} {'P5':>10} {'P50':>10} {'P95':>10}"
         for text, values in _rows(life):
             known = values[np.isfinite(values)]
-            if len(known):
+            if _of_most(known, values):
                 yield _line(text, known)
             elif np.any(np.isinf(values)):
-                yield f"{text:<34}{'–':>10} (without discounting it has no end)"
+                yield f"{text:<34}{'–':>20} (without discounting it has no end)"
+            elif len(known):
+                yield f"{text:<34}{'–':>20} (known of {len(known)} of {len(values)}, the shortest-lived)"
     yield "Costs are GBP/track-km; marginal costs in the unit of the study's effect."
 
 
@@ -121,10 +123,12 @@ def _rows(life: "Life") -> list[tuple[str, "np.ndarray"]]:
 
     years = np.concatenate([np.zeros((len(life.cost), 1)), life.sequence.years], axis=1)
     intervals = np.diff(years, axis=1)
+    with np.errstate(invalid="ignore"):  # without discounting both are infinite
+        ratio = life.cost / life.constant
     rows: list[tuple[str, Any]] = [
         ("present cost, this sequence", life.cost),
         ("present cost, Eq. (4)", life.constant),
-        ("ratio of the two", life.cost / life.constant),
+        ("ratio of the two", ratio),
         ("first interval, years", intervals[:, 0]),
     ]
     if intervals.shape[1] > 1:
@@ -151,8 +155,15 @@ def _numbers(values: "np.ndarray") -> dict[str, float | int | None]:
     import numpy as np
 
     known = values[np.isfinite(values)]
-    if not len(known):
-        return {"n": 0, "mean": None, "standard_error": None, "p5": None, "p50": None, "p95": None}
+    if not _of_most(known, values):
+        return {
+            "n": len(known),
+            "mean": None,
+            "standard_error": None,
+            "p5": None,
+            "p50": None,
+            "p95": None,
+        }
     low, middle, high = (float(q) for q in np.quantile(known, LEVELS))
     error = _error(known) if len(known) > 1 else None
     return {
@@ -163,6 +174,11 @@ def _numbers(values: "np.ndarray") -> dict[str, float | int | None]:
         "p50": middle,
         "p95": high,
     }
+
+
+def _of_most(known: "np.ndarray", values: "np.ndarray") -> bool:
+    """Whether ``known`` are most of ``values``: a minority is that of the tracks that wear fastest."""
+    return bool(len(known)) and 2 * len(known) >= len(values)
 
 
 def _error(known: "np.ndarray") -> float:

@@ -5,6 +5,7 @@ own spectrum (``phases``), or the place on the line (``sections``: realisation r
 everywhere, a realisation is addressed by (seed, index).
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -80,7 +81,7 @@ def _prepared(choice: RecordChoice, window: float, wavenumbers: tuple[float, ...
 
 
 def _remarks(sections: Sections, window: float, choice: RecordChoice) -> Iterator[str]:
-    """What is left over at the end of a record, and what its chord does not show."""
+    """What is left over at the end of a record, filtered twice, or not shown by its chord."""
     last = float((sections.ends[-1] - sections.starts[-1]) * sections.step)
     if last < window * (1.0 - 1e-9):
         yield (
@@ -92,6 +93,12 @@ def _remarks(sections: Sections, window: float, choice: RecordChoice) -> Iterato
         yield (
             f"{sections.left_over:.4g} m at the end (from {sections.chainage_to[-1]:.6g} m on) are in "
             "no section: they are shorter than two of the longest waves"
+        )
+    column = choice.layout.level_column
+    if re.search(r"(?<![A-Za-z0-9])D1(?![A-Za-z0-9])", column) and not choice.band.passed:
+        yield (
+            f"the column '{column}' is band-passed to D1 (3 to 25 m) by its name, and is filtered again: "
+            "say already_filtered = 'en13848_d1', shortest_m = 3, longest_m = 25"
         )
     chord = choice.layout.versine_chord_m
     if chord is not None:

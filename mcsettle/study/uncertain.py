@@ -26,17 +26,33 @@ def normal_scores_correlation(
     InputError
         The matrix is not positive definite.
     """
+    matrix = _scores(names, correlations, 1.0)
+    lowest = _lowest(matrix)
+    if lowest < LEAST_EIGENVALUE:
+        shares = np.linspace(0.0, 1.0, 1001)
+        valid = [s for s in shares if _lowest(_scores(names, correlations, s)) >= LEAST_EIGENVALUE]
+        raise InputError(
+            "these rank correlations cannot hold together: the matrix of their normal scores, "
+            f"2 sin(πρ/6), is not positive definite (lowest eigenvalue {lowest:.3g}). "
+            f"Multiplied by {valid[-1]:.3f} they can; or bring single ones nearer to 0, or "
+            "correct their signs"
+        )
+    return matrix
+
+
+def _scores(
+    names: Sequence[str], correlations: Sequence[CorrelationTable], share: float
+) -> np.ndarray:
+    """Correlations [D, D] of the normal scores for a ``share`` of the rank correlations."""
     matrix = np.eye(len(names))
     for entry in correlations:
         i, j = (names.index(name) for name in entry.inputs)
-        matrix[i, j] = matrix[j, i] = 2.0 * np.sin(np.pi * entry.rank / 6.0)
-    lowest = float(np.linalg.eigvalsh(matrix)[0]) if len(names) else 1.0
-    if lowest < LEAST_EIGENVALUE:
-        raise InputError(
-            f"these correlations cannot hold together (not positive definite: lowest eigenvalue "
-            f"{lowest:.3g}); bring them nearer to 0 or correct their signs"
-        )
+        matrix[i, j] = matrix[j, i] = 2.0 * np.sin(np.pi * share * entry.rank / 6.0)
     return matrix
+
+
+def _lowest(matrix: np.ndarray) -> float:
+    return float(np.linalg.eigvalsh(matrix)[0]) if len(matrix) else 1.0
 
 
 def with_values(data: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:

@@ -191,6 +191,29 @@ def test_a_maintenance_that_cannot_be_is_refused(table: dict[str, Any], said: st
         study(table)
 
 
+def test_no_mean_of_a_minority_and_none_without_an_end() -> None:
+    """5 of 12 tracks have a first tamping: what is known of them is known of the fastest alone."""
+    from mcsettle.analysis.life import Life
+    from mcsettle.cli.life import life_json, life_lines
+
+    years = np.full((12, 1), np.nan)
+    years[:5, 0] = 1.3
+    sequence = Sequence(years, 30.0, np.ones(12, bool))
+    costs = constant = np.where(np.isnan(years[:, 0]), np.nan, 1e5)
+    life = Life(
+        "base", "v201", sequence, years * 0.0, np.full(12, 1e4), constant, costs, costs, "u"
+    )
+    lines = "\n".join(life_lines([life]))
+    assert "1.3" not in lines
+    assert lines.count("(known of 5 of 12, the shortest-lived)") == 5
+    rows = json.loads(life_json([life]))[0]["rows"]
+    assert rows["first interval, years"] == {
+        "n": 5, "mean": None, "standard_error": None, "p5": None, "p50": None, "p95": None,
+    }  # fmt: skip
+    endless = Life("base", "v201", sequence, years, *([np.full(12, np.inf)] * 2), costs, costs, "u")
+    assert "(without discounting it has no end)" in "\n".join(life_lines([endless]))
+
+
 def test_the_command(fresh_cache: Path, tmp_path: Path) -> None:
     import pandas as pd
 

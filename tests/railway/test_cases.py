@@ -113,6 +113,7 @@ def test_a_recording_car_export_with_km_plus_m_and_words_for_no_reading(tmp_path
         np.testing.assert_allclose(found.sections.sd, factor * truth(), rtol=0.03)
         assert found.sections.chainage_from[0] == 752_000.0
         assert found.run.missing == 4
+        assert any("is band-passed to D1" in remark for remark in found.remarks)
 
 
 def miles_yards(x: float) -> str:
