@@ -7,6 +7,7 @@ from importlib.metadata import version
 from mcsettle.report.material import Material, rows_digest
 from mcsettle.report.page import Block, Bullets, Code, Table, Text
 from mcsettle.report.words import cut
+from mcsettle.study.schema.profile import ProfileTable, RecordTable
 from mcsettle.study.study import resolved_toml
 
 LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "jinja2", "pydantic")
@@ -39,9 +40,12 @@ def method_blocks(material: Material) -> Iterator[Block]:
     own = study.variant(material.variant).spectrum or study.profile.spectrum
     spectrum = own.replace("_", " ").replace("fra", "FRA")
     spectrum = spectrum.replace("german", "German")
+    profile = f"a Gaussian profile of the {spectrum} spectrum"
+    if study.profile.file is not None:
+        profile = _measured(study.profile)
     yield Text(
-        f"Step B, for every random track: a Gaussian profile of the {spectrum} spectrum, "
-        f"wavelengths of {study.profile.shortest_m:g} to {study.profile.longest_m:g} m on a window "
+        f"Step B, for every random track: {profile}, wavelengths of {study.profile.shortest_m:g} to "
+        f"{study.profile.longest_m:g} m on a window "
         f"of {study.profile.window_m:g} m. Each axle passage gives dynamic forces from the profile "
         "as it is now, deviatoric stresses (Eq. 10), permanent strains (Eqs. 1 and 2), a settlement "
         "that adds to the profile. The track is tamped when the standard deviation (SD) of the "
@@ -62,6 +66,17 @@ def method_blocks(material: Material) -> Iterator[Block]:
         "A realisation is addressed by (seed, index): the same index is the same initial track in "
         "every scenario, so differences between scenarios are differences on the same track."
     )
+
+
+def _measured(profile: ProfileTable) -> str:
+    """Where the tracks come from in a study of a measured record, in words."""
+    record = profile.record or RecordTable()
+    kinds = {
+        "section": "a section of the measured record",
+        "sections": "the sections of the measured record in turn",
+        "phases": "a profile with the measured section's spectrum and random phases",
+    }
+    return f"{kinds[record.ensemble]} {cut(profile.file or '', 80)}"
 
 
 def limit_blocks(material: Material) -> Iterator[Block]:

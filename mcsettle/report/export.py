@@ -1,6 +1,7 @@
 """The tables of a run for workbooks: one XLSX file, or a folder of CSV files.
 
-Sheets and files: ``about`` (what this is, provenance), ``summary``, ``effects``, ``realisations``,
+Sheets and files: ``about`` (what this is, provenance), in a workbook ``charges`` and ``pairs`` (prices as
+formulas), ``summary``, ``effects``, ``realisations``,
 ``inputs`` (the assumptions register), ``scenarios``, ``columns`` (units and meanings). Numbers stay
 numbers, empty cells are unknown. Text never becomes a formula. The same run gives the same bytes.
 """
@@ -9,7 +10,7 @@ import csv
 import datetime
 import io
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 import pandas as pd
 
 from mcsettle.errors import InputError
+from mcsettle.report.charge_sheet import write_charges
 from mcsettle.report.material import Material, rows_digest
 from mcsettle.report.outgoing import csv_cell, plain
 from mcsettle.report.register import entries
@@ -28,6 +30,14 @@ from mcsettle.units import MGT
 MOST_ROWS = 1_048_575  # of a worksheet, its heading left out
 LARGEST_WHOLE = 2**53  # that a double holds with all smaller ones
 MOST_TEXT = 32_767  # characters of a cell
+# How the numbers of a column are shown, by the end of its name; all their digits stay.
+FORMATS = {
+    "_days": "0.0",
+    "_percent": "0.00",
+    "_mm": "0.000",
+    "elasticity": "0.000",
+    "marginal_cost": "0.0000",
+}
 CREATED = datetime.datetime(2000, 1, 1)  # a workbook wants a date; the same every time
 
 
@@ -97,7 +107,6 @@ def write_xlsx(material: Material, path: Path, force: bool = False) -> list[str]
     with xlsxwriter.Workbook(buffer, options) as book:
         book.set_properties({"title": plain(material.study.title)[:200], "created": CREATED})
         book.set_custom_property(NAME, material.study.identity)
-        bold = book.add_format({"bold": True, "text_wrap": True, "valign": "top"})
         for sheet in sheets(material):
             rows = sheet.rows[:MOST_ROWS]
             if len(rows) < len(sheet.rows):
@@ -105,13 +114,17 @@ def write_xlsx(material: Material, path: Path, force: bool = False) -> list[str]
                     f"sheet '{sheet.name}' holds the first {len(rows)} of {len(sheet.rows)} rows; "
                     "export to CSV for all"
                 )
-            _fill(book.add_worksheet(sheet.name), sheet.columns, rows, bold)
+            _fill(book, sheet.name, sheet.columns, rows)
+            if sheet.name == "about":
+                write_charges(book, material)
     write_marked({path: buffer.getvalue()}, material.study.identity, force)
     return remarks
 
 
-def _fill(page: Any, columns: tuple[str, ...], rows: Iterable[tuple[Any, ...]], bold: Any) -> None:
-    """Heading, cells with their types, widths that fit the first rows."""
+def _fill(book: Any, name: str, columns: tuple[str, ...], rows: Sequence[tuple[Any, ...]]) -> None:
+    """A sheet: heading with filters, cells with their types, widths that fit the first rows."""
+    page = book.add_worksheet(name)
+    bold = book.add_format({"bold": True, "text_wrap": True, "valign": "top"})
     widths = [len(name) for name in columns]
     for place, name in enumerate(columns):
         page.write_string(0, place, name, bold)
@@ -132,7 +145,10 @@ def _fill(page: Any, columns: tuple[str, ...], rows: Iterable[tuple[Any, ...]], 
                 widths[place] = max(widths[place], len(str(value)))
     page.freeze_panes(1, 0)
     for place, width in enumerate(widths):
-        page.set_column(place, place, min(max(width + 1, 8), 60))
+        shape = next((f for end, f in FORMATS.items() if columns[place].endswith(end)), None)
+        look = None if shape is None else book.add_format({"num_format": shape})
+        page.set_column(place, place, min(max(width + 1, 8), 60), look)
+    page.autofilter(0, 0, max(len(rows), 1), len(columns) - 1)
 
 
 def _cell(value: Any) -> Any:
@@ -177,7 +193,17 @@ def _about(material: Material) -> Sheet:
 
 
 def _inputs(material: Material) -> Sheet:
-    rows = [tuple(asdict(entry).values()) for entry in entries(material.study)]
+    rows = [
+        (
+            e.path,
+            e.value if e.given is None else e.given,
+            e.unit,
+            e.distribution,
+            e.set_by,
+            e.source,
+        )
+        for e in entries(material.study)
+    ]
     names = ("input", "value", "unit", "distribution", "set_by", "source")
     return Sheet("inputs", names, tuple(rows))
 

@@ -24,6 +24,10 @@ QUIET = [
     "--disable-component-update",
     "--disable-sync",
 ]
+FOOTER = (
+    '<div style="font-size: 7pt; width: 100%; text-align: center; color: #555555">'
+    '<span class="pageNumber"></span> / <span class="totalPages"></span></div>'
+)
 DATE = re.compile(rb"/(CreationDate|ModDate) \(D:\d{14}")
 
 
@@ -67,7 +71,7 @@ def launch_options(browser: str) -> dict[str, Any]:
 
 
 def print_pdf(text: str) -> bytes:
-    """An HTML page as PDF, A4.
+    """An HTML page as PDF, A4: every part unfolded, pages numbered, bookmarks from the headings.
 
     Raises
     ------
@@ -83,6 +87,10 @@ def print_pdf(text: str) -> bytes:
         program = tool.chromium.launch(**launch_options(browser))
         page = program.new_page()
         page.goto(path.as_uri())
-        content = page.pdf(prefer_css_page_size=True, print_background=True)
+        page.evaluate("document.querySelectorAll('details').forEach(part => part.open = true)")
+        content = page.pdf(
+            prefer_css_page_size=True, print_background=True, tagged=True, outline=True,
+            display_header_footer=True, header_template="<span></span>", footer_template=FOOTER,
+        )  # fmt: skip
         program.close()
     return DATE.sub(rb"/\1 (D:20000101000000", content)

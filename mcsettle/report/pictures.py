@@ -57,6 +57,7 @@ TITLES = {
     "vehicle_models": "Peak dynamic rail deflection by vehicle model",
     "freight_passage": "Stress and settlement along the track as one freight axle passes",
 }
+OF_THE_PAPER = ("vehicle_models", "freight_passage")  # of its own trains, whatever the study's are
 PAGE_WIDTH = 9.2  # inches of the widest picture
 MOST_TRAINS = 3  # in the map of forces
 LEAST = 80  # px an inch of a wide picture, below which it scrolls
@@ -148,6 +149,8 @@ def step_a_figures(material: Material) -> Iterator[tuple[str, Figure]]:
     if part is None:
         return
     for name, draw in track_figures(part.case, list(part.table4)).items():
+        if name in OF_THE_PAPER and not material.study.reference:
+            continue
         figure = draw()
         width, height = figure.get_size_inches()
         if width > PAGE_WIDTH:

@@ -62,8 +62,9 @@ def _indices(material: Material) -> Iterator[Block]:
         found.sort(key=lambda s: -(s.estimate.value or 0.0))
         cells = tuple((cut(s.subject, 80), s.estimate.with_error("", 100.0)) for s in found)
         name = f"{row.scenario}, {metric_words(row.metric)}"
+        names = _short_names([s.subject for s in found])
         swings = [
-            Swing(s.subject.split(".")[-1].replace("_", " "), 0.0, 100.0 * (s.estimate.value or 0.0),
+            Swing(names[s.subject], 0.0, 100.0 * (s.estimate.value or 0.0),
                   100.0 * (s.estimate.standard_error or 0.0))
             for s in found[:MOST_BARS]
         ]  # fmt: skip
@@ -77,23 +78,42 @@ def _indices(material: Material) -> Iterator[Block]:
                     small=True)  # fmt: skip
 
 
+def _short_names(paths: Sequence[str]) -> dict[str, str]:
+    """The ends of key paths that tell them apart, in words: as many steps as it takes."""
+    names = {}
+    for path in paths:
+        steps = path.split(".")
+        others = [other.split(".") for other in paths if other != path]
+        n = next(
+            (n for n in range(1, len(steps)) if all(o[-n:] != steps[-n:] for o in others)),
+            len(steps),
+        )
+        names[path] = " ".join(steps[-n:]).replace("_", " ")
+    return names
+
+
 def _tornado(bars: Sequence[Bar]) -> Iterator[Block]:
     groups: dict[tuple[str, str], list[Bar]] = {}
     for bar in bars:
         groups.setdefault((bar.scenario, bar.metric), []).append(bar)
     for (scenario, metric), own in groups.items():
         name = f"{scenario}, {metric_words(metric)}"
-        centre, known = own[0].central, []
+        centre, known, unknown = own[0].central, [], []
+        names = _short_names([bar.input for bar in own])
         for bar in own[:MOST_BARS]:
-            if bar.at_low is not None and bar.at_high is not None:
-                label = bar.input.split(".")[-1].replace("_", " ")
-                known.append(Swing(label, bar.at_low, bar.at_high))
+            if bar.at_low is None or bar.at_high is None:
+                unknown.append(names[bar.input])
+            else:
+                known.append(Swing(names[bar.input], bar.at_low, bar.at_high))
         if centre is not None and known:
             figure = swings_figure(known, centre, f"median, {unit_words(own[0].unit) or '1'}")
             alt = f"Tornado of {name}, median {number(centre)}: " + "; ".join(
                 f"{s.label} {number(s.low)} to {number(s.high)}" for s in known
             )
-            yield Picture(f"tornado-{scenario}-{metric}", figure, alt + ".", f"Tornado: {name}.")
+            text = f"Tornado: {name}."
+            if unknown:
+                text += f" Not drawn, an end being not reached: {', '.join(unknown)}."
+            yield Picture(f"tornado-{scenario}-{metric}", figure, alt + ".", text)
         rows = tuple(
             (
                 cut(b.input, 80),

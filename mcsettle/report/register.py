@@ -43,7 +43,7 @@ SHORT = 3  # list entries shown
 
 @dataclass(frozen=True)
 class Entry:
-    """One input: ``set_by`` is paper, default or study."""
+    """One input: ``set_by`` is paper, default or study; ``given`` a number or truth value as such."""
 
     path: str
     value: str
@@ -51,6 +51,7 @@ class Entry:
     distribution: str
     set_by: str
     source: str
+    given: float | bool | None = None
 
 
 def entries(study: Study) -> list[Entry]:
@@ -67,7 +68,8 @@ def entries(study: Study) -> list[Entry]:
             source = table.source or source
         unit = unit_of(path) if isinstance(value, int | float) else ""
         unit = "" if unit == "1" or isinstance(value, bool) else unit
-        found.append(Entry(path, _shown(value), unit, words, set_by, source))
+        given = value if isinstance(value, bool | int | float) else None
+        found.append(Entry(path, _shown(value), unit, words, set_by, source, given))
     return found
 
 

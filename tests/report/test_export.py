@@ -1,6 +1,7 @@
 """Exports as workbooks read them, and every table of a run as other tools read its bare folder."""
 
 import datetime
+import re
 from pathlib import Path
 
 import duckdb
@@ -12,7 +13,9 @@ import polars as pl
 import pytest
 import toy
 
+from mcsettle.economics import marginal_cost
 from mcsettle.errors import InputError
+from mcsettle.report.charge_sheet import CHARGES, FIRST_ROW, PAIRS
 from mcsettle.report.export import sheets, write_csv, write_xlsx
 from mcsettle.report.material import Material, read_material
 from mcsettle.run.pipeline import run_study
@@ -35,13 +38,15 @@ def test_workbook_keeps_types_and_runs_no_formula(material: Material, tmp_path: 
     path = tmp_path / "book.xlsx"
     assert write_xlsx(material, path) == []
     book = openpyxl.load_workbook(path)
-    assert book.sheetnames == [s.name for s in sheets(material)]
+    assert [n for n in book.sheetnames if n not in (CHARGES, PAIRS)] == [
+        s.name for s in sheets(material)
+    ]
     for sheet in sheets(material):
         page = book[sheet.name]
         assert tuple(c.value for c in page[1]) == sheet.columns
         assert page.max_row == len(sheet.rows) + 1
         kinds = {cell.data_type for row in page.iter_rows() for cell in row}
-        assert kinds <= {"s", "n"}, sheet.name  # no formula, no error; empty cells are "n"
+        assert kinds <= {"s", "n", "b"}, sheet.name  # no formula, no error; empty cells are "n"
     summary = pd.read_excel(path, sheet_name="summary")
     ours = pd.DataFrame(list(sheets(material)[1].rows), columns=list(summary.columns))
     assert summary["value"].dtype == float
@@ -53,6 +58,76 @@ def test_workbook_keeps_types_and_runs_no_formula(material: Material, tmp_path: 
     cells = [c.value for row in book["scenarios"].iter_rows() for c in row]
     assert FORMULA in cells
     assert book.properties.created == datetime.datetime(2000, 1, 1)
+
+
+def evaluated(book: openpyxl.Workbook, formula: str) -> float:
+    """What a workbook would make of a formula of ``charges``, from the cells it names."""
+
+    def cells(match: re.Match[str]) -> str:
+        sheet, area = match["sheet"] or CHARGES, match["area"].replace("$", "")
+        found = book[sheet][area]
+        if ":" not in area:
+            return repr(float(found.value))
+        return f"array({[float(row[0].value) for row in found]!r})"
+
+    text = re.sub(
+        r"(?:(?P<sheet>[a-z]+)!)?(?P<area>\$[A-Z]+\$\d+(:\$[A-Z]+\$\d+)?)", cells, formula[1:]
+    )
+    names = {
+        "array": np.array, "EXP": np.exp, "COUNT": len, "IF": lambda c, a, b: a() if c else b(),
+        "SUMPRODUCT": lambda *parts: float(np.sum(np.prod(np.broadcast_arrays(*parts), axis=0))),
+    }  # fmt: skip
+    text = re.sub(r"IF\(([^=,]*)=0,", r"IF(\1==0,", text)
+    parts = re.fullmatch(r"(.*IF\([^,]*,)(SUMPRODUCT\(.*?\)),(SUMPRODUCT\(.*\))\)(/COUNT.*)", text)
+    assert parts is not None, formula
+    text = f"{parts[1]}lambda: {parts[2]},lambda: {parts[3]}){parts[4]}"
+    return float(eval(text, names))
+
+
+@pytest.mark.parametrize(
+    ("cost", "rate", "level", "exchange"),
+    [(5625.0, 0.035, 1.0, 1.0), (9000.0, 0.06, 1.2, 12.0), (5625.0, 0.0, 1.0, 1.0)],
+)
+def test_formulas_answer_what_ifs(
+    material: Material, tmp_path: Path, cost: float, rate: float, level: float, exchange: float
+) -> None:
+    """Recalculated with other cells they give what the study with those values gives."""
+    path = tmp_path / "book.xlsx"
+    write_xlsx(material, path)
+    book, stored = openpyxl.load_workbook(path), openpyxl.load_workbook(path, data_only=True)
+    page = book[CHARGES]
+    for cell, value in (("B3", cost), ("B4", rate), ("B5", level), ("B7", exchange)):
+        page[cell].value = value
+    effects = material.results.effects
+    gamma = effects["elasticity"].dropna().to_numpy()
+    years = DAYS[: len(gamma)] / 365.0
+    divisor = material.study.change("v225").divisor
+    own = float(np.mean(marginal_cost(gamma, years, cost, rate, divisor))) * level * exchange
+    labels = {"km/h per 1000 train-km": 1.0, "1000 gross tonne-km": 24.0 / 748.0,
+              "1000 gross tonne-mile": 24.0 / 748.0 * 1.609344, "train-km": 0.024,
+              "vehicle-km": 0.024 / 11.0}  # fmt: skip
+    rows = [row for row in page.iter_rows(min_row=FIRST_ROW + 1) if row[0].value]
+    assert [row[2].value for row in rows] == list(labels)
+    for row, factor in zip(rows, labels.values(), strict=True):
+        assert evaluated(book, row[3].value) == pytest.approx(own * factor, rel=1e-9)
+        if (cost, rate) == (5625.0, 0.035):
+            assert stored[CHARGES].cell(row[3].row, 4).value == pytest.approx(
+                own * factor, rel=1e-12
+            )
+            assert row[4].value == pytest.approx(own * factor, rel=1e-12)
+
+
+def test_inputs_are_typed_and_tables_have_filters(material: Material, tmp_path: Path) -> None:
+    path = tmp_path / "book.xlsx"
+    write_xlsx(material, path)
+    book = openpyxl.load_workbook(path)
+    values = {row[0].value: row[1].value for row in book["inputs"].iter_rows(min_row=2)}
+    assert values["economics.discount_rate"] == 0.035
+    assert values["track.allow_supercritical"] is False
+    assert all(page.auto_filter.ref for page in book if page.title != PAIRS)
+    formats = {cell.value: book["realisations"].column_dimensions[cell.column_letter].number_format
+               for cell in book["realisations"][1]}  # fmt: skip
+    assert formats["tamping_interval_days"] == "0.0"
 
 
 def test_same_run_same_workbook(material: Material, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
+from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, ScalarFormatter
 
 from mcsettle.analysis.stress_under_train import StressAlong
 from mcsettle.report.figures.results import WIDTH, frame
@@ -26,7 +26,8 @@ def force_figure(forces: Sequence[tuple[str, np.ndarray]], wavelengths: np.ndarr
             wavelengths, np.arange(1, len(values) + 1), values, cmap=MAP, rasterized=True,
             shading="nearest", norm=LogNorm(low, float(values.max())),
         )  # fmt: skip
-        bar = figure.colorbar(picture, ax=axes, label="kN per mm")
+        bar = figure.colorbar(picture, ax=axes, label="kN per mm", ticks=LogLocator(subs=(1, 2, 5)),
+                              format=FormatStrFormatter("%g"))  # fmt: skip
         bar.ax.yaxis.set_major_formatter(ScalarFormatter())
         bar.ax.yaxis.set_minor_formatter(lambda *_: "")
         axes.set(ylabel="axle, from the front")
