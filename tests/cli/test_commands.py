@@ -1,5 +1,6 @@
 """The command line: results on stdout, talk on stderr, exit codes, no traceback for user input."""
 
+import dataclasses
 import json
 import os
 import signal
@@ -16,7 +17,10 @@ from typer.testing import CliRunner
 from mcsettle.cli.app import app
 from mcsettle.cli.observations import read_observations
 from mcsettle.errors import InputError, NumericalError
+from mcsettle.run.options import RunOptions
+from mcsettle.run.pipeline import Finished
 from mcsettle.study.study import Study, load_study
+from mcsettle.types import Progress
 
 runner = CliRunner()
 ROOT = Path(__file__).resolve().parents[2]
@@ -173,14 +177,13 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """The chain replaced by one that records how it is called."""
     calls = SimpleNamespace(run=None, failure=None, n_failed=0)
 
-    def run_study(study: Study, out: Path, **options: Any) -> SimpleNamespace:
+    def run_study(study: Study, out: Path, options: RunOptions, progress: Progress) -> Finished:
         if calls.failure is not None:
             raise calls.failure
-        calls.run = (study, out, options)
-        return SimpleNamespace(n_failed=calls.n_failed, remarks=("look here",))
+        calls.run = (study, out, options, progress)
+        return Finished(out, calls.n_failed, ("look here",))
 
-    fake = SimpleNamespace(run_study=run_study)
-    monkeypatch.setitem(sys.modules, "mcsettle.run.pipeline", fake)
+    monkeypatch.setattr("mcsettle.run.pipeline.run_study", run_study)
     return calls
 
 
@@ -190,15 +193,13 @@ def test_run_hands_its_options_on(tmp_path: Path, pipeline: SimpleNamespace) -> 
         *("--threads", 2, "--batch", 4, "--exact"),
     )
     assert done.exit_code == 0
-    study, out, options = pipeline.run
+    study, out, options, progress = pipeline.run
     assert study == load_study(TOY)
     assert out == tmp_path
-    assert options.pop("progress") is not None
-    assert options.pop("processes") >= 1
-    assert options.pop("parameter_sets") is None
-    assert options.pop("shard_size") is None
-    assert options.pop("take_over") is False
-    assert options == {"realisations": 5, "seed": 3, "threads": 2, "batch": 4, "exact": True}
+    assert progress is not None
+    assert options.processes >= 1
+    expected = RunOptions(realisations=5, seed=3, threads=2, batch=4, exact=True)
+    assert dataclasses.replace(options, processes=expected.processes) == expected
     assert done.stdout == ""
     assert "look here" in done.stderr
     assert "mcsettle summarise" in done.stderr
@@ -296,13 +297,20 @@ def test_run_until(
     said: str,
 ) -> None:
     from mcsettle.cli import until as batches
-    from mcsettle.run.pipeline import Finished
     from mcsettle.run.stopping import Batch, Stopped
 
-    def run_until(study: Study, out: Path, target: Any, minutes: float, **options: Any) -> Stopped:
-        assert (options["realisations"], minutes) == (500, 3.0)
+    def run_until(
+        study: Study,
+        out: Path,
+        target: Any,
+        minutes: float,
+        options: RunOptions,
+        *_: Any,
+        **sinks: Any,
+    ) -> Stopped:
+        assert (options.realisations, minutes) == (500, 3.0)
         batch = Batch(64, None if target is None else 0.013, "base v201", 1.5)
-        options["tell"](batch)
+        sinks["tell"](batch)
         return Stopped(Finished(out, 0, ()), (batch,), met, late)
 
     monkeypatch.setattr(batches, "run_until", run_until)
