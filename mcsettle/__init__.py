@@ -31,8 +31,7 @@ table and ``plot`` draws them; the objects print as what they are.
 >>> print(study.trains["passenger"])
 passenger: 11 cars, 44 axles, 748 t
 
-Importing the package imports
-neither Taichi nor NumPy: each name below is loaded when it is first used.
+Importing the package imports neither Taichi nor NumPy: each name below is loaded when first used.
 
 Depends on: nothing until a name is used.
 """
@@ -40,68 +39,66 @@ Depends on: nothing until a name is used.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from mcsettle.analysis.calibration import calibrate
-    from mcsettle.analysis.track_summary import track_summary
-    from mcsettle.economics import paired_effects
-    from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
-    from mcsettle.estimate.estimate import Estimate
-    from mcsettle.railway.track import BeamTrack, Layer, Material, SectionTrack
-    from mcsettle.railway.traffic import Service, Timetable, Train
-    from mcsettle.railway.vehicle import Vehicle
-    from mcsettle.report.notebook import plot, summarise
-    from mcsettle.run.pipeline import run_study
-    from mcsettle.step_a.transfer import TransferFunctions
-    from mcsettle.study.study import Study, load_study, resolved_toml
+if TYPE_CHECKING:  # the same names for type checkers, which cannot follow the table below
+    from mcsettle.analysis.calibration import calibrate as calibrate
+    from mcsettle.analysis.track_summary import track_summary as track_summary
+    from mcsettle.economics import paired_effects as paired_effects
+    from mcsettle.errors import InputError as InputError
+    from mcsettle.errors import MissingPrecomputationError as MissingPrecomputationError
+    from mcsettle.errors import NumericalError as NumericalError
+    from mcsettle.estimate.estimate import Estimate as Estimate
+    from mcsettle.railway.track import BeamTrack as BeamTrack
+    from mcsettle.railway.track import Layer as Layer
+    from mcsettle.railway.track import Material as Material
+    from mcsettle.railway.track import SectionTrack as SectionTrack
+    from mcsettle.railway.traffic import Service as Service
+    from mcsettle.railway.traffic import Timetable as Timetable
+    from mcsettle.railway.traffic import Train as Train
+    from mcsettle.railway.vehicle import Vehicle as Vehicle
+    from mcsettle.report.notebook import plot as plot
+    from mcsettle.report.notebook import summarise as summarise
+    from mcsettle.run.distributed import run_distributed as run_distributed
+    from mcsettle.run.pipeline import run_study as run_study
+    from mcsettle.step_a.transfer import TransferFunctions as TransferFunctions
+    from mcsettle.study.study import Study as Study
+    from mcsettle.study.study import load_study as load_study
+    from mcsettle.study.study import resolved_toml as resolved_toml
+    from mcsettle.summary.compare import compare as compare
+    from mcsettle.summary.results import Results as Results
+    from mcsettle.summary.results import read_results as read_results
 
-__version__ = "0.1.0"
-__all__ = [
-    "BeamTrack",
-    "Estimate",
-    "InputError",
-    "Layer",
-    "Material",
-    "MissingPrecomputationError",
-    "NumericalError",
-    "SectionTrack",
-    "Service",
-    "Study",
-    "Timetable",
-    "Train",
-    "TransferFunctions",
-    "Vehicle",
-    "calibrate",
-    "load_study",
-    "paired_effects",
-    "plot",
-    "resolved_toml",
-    "run_study",
-    "summarise",
-    "track_summary",
-]
+    __version__: str
 
-_HOME = {
-    "analysis.calibration": ("calibrate",),
-    "economics": ("paired_effects",),
-    "errors": ("InputError", "MissingPrecomputationError", "NumericalError"),
-    "estimate.estimate": ("Estimate",),
-    "report.notebook": ("plot", "summarise"),
-    "run.pipeline": ("run_study",),
-    "study.study": ("Study", "load_study", "resolved_toml"),
-    "railway.track": ("BeamTrack", "Layer", "Material", "SectionTrack"),
-    "analysis.track_summary": ("track_summary",),
-    "railway.traffic": ("Service", "Timetable", "Train"),
-    "step_a.transfer": ("TransferFunctions",),
-    "railway.vehicle": ("Vehicle",),
+_NAMES = {
+    "analysis.calibration": "calibrate",
+    "analysis.track_summary": "track_summary",
+    "economics": "paired_effects",
+    "errors": "InputError MissingPrecomputationError NumericalError",
+    "estimate.estimate": "Estimate",
+    "railway.track": "BeamTrack Layer Material SectionTrack",
+    "railway.traffic": "Service Timetable Train",
+    "railway.vehicle": "Vehicle",
+    "report.notebook": "plot summarise",
+    "run.distributed": "run_distributed",
+    "run.pipeline": "run_study",
+    "step_a.transfer": "TransferFunctions",
+    "study.study": "Study load_study resolved_toml",
+    "summary.compare": "compare",
+    "summary.results": "Results read_results",
 }
-_MODULE = {name: module for module, names in _HOME.items() for name in names}
+_HOME = {name: f"mcsettle.{module}" for module, names in _NAMES.items() for name in names.split()}
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _MODULE:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("mcsettle")
+    if name not in _HOME:
         raise AttributeError(f"module 'mcsettle' has no attribute '{name}'")
-    return getattr(import_module(f"mcsettle.{_MODULE[name]}"), name)
+    return getattr(import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, "__version__"})

@@ -259,6 +259,9 @@ def test_every_public_name_is_there() -> None:
     for name in mcsettle.__all__:
         assert getattr(mcsettle, name) is not None
     assert set(mcsettle.__all__) <= set(dir(mcsettle))
+    homes = {f"{home}.{name}" for name, home in mcsettle._HOME.items()}
+    typed = imported(Path(mcsettle.__file__), typing=True) - imported(Path(mcsettle.__file__))
+    assert typed == homes, "type checkers see other names than Python"
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         mcsettle.nothing  # noqa: B018
 
