@@ -4,6 +4,8 @@ Everything heavy is imported inside the command that needs it, so that ``--help`
 Options steer a run (sample size, seed, threads, batch, folders) and never the physics.
 """
 
+from typing import Annotated
+
 import typer
 
 from mcsettle.cli.calibrate import calibrate
@@ -18,20 +20,39 @@ from mcsettle.cli.report import compare, export, report
 from mcsettle.cli.run import run
 from mcsettle.cli.status import gather, status
 from mcsettle.cli.summarise import summarise
-from mcsettle.cli.terminal import heed_termination, prepare_streams
+from mcsettle.cli.terminal import EXIT_CODES, heed_termination, prepare_streams
 from mcsettle.cli.tornado import tornado
 from mcsettle.cli.track import track
 from mcsettle.cli.validate import validate
 
+CODES = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES.items())
 app = typer.Typer(
     name="mcsettle",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     help="Track settlement under traffic: tamping intervals and marginal tamping costs. "
-    "Exit codes: 0 done, 1 a check or a computation failed, 2 bad input, 3 some realisations "
-    "failed, 5 precision target missed, 130 interrupted.",
+    f"Exit codes: {CODES}.",
 )
+
+
+def print_version(asked: bool) -> None:
+    """Print the version and end."""
+    if asked:
+        from mcsettle import __version__
+
+        typer.echo(f"mcsettle {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print it.")
+    ] = False,
+) -> None:
+    """Options of the command itself."""
+
+
 for verb in (
     *(init, check, schema, run, plan, status, gather, summarise, report, export, compare),
     *(calibrate, tornado, life, grounds, track, profile, validate, doctor),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.options import StudyFile, Variant
-from mcsettle.cli.terminal import Progress, cores, plainly, say, talk
+from mcsettle.cli.terminal import Progress, cores, plainly, say, warn
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def factor_for_observations(
         rows = rows[:-hold_out]
     found = infer_factor(study, scenario, rows, variant, progress=Progress(), processes=cores())
     for warning in posterior_warnings(found):
-        talk(f"warning: {warning}")
+        warn(f"warning: {warning}")
     say("\n".join(posterior_lines(found)))
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcsettle.cli.options import StudyFile
-from mcsettle.cli.terminal import plainly, say, talk
+from mcsettle.cli.terminal import plainly, say, warn
 
 if TYPE_CHECKING:
     from mcsettle.study.study import Study
@@ -33,7 +33,7 @@ def warn_of(study: "Study") -> None:
     from mcsettle.run.factor_digest import factor_warnings
 
     for warning in (*study.warnings, *factor_warnings(study)):
-        talk(f"warning: {warning}")
+        warn(f"warning: {warning}")
 
 
 def study_lines(study: "Study") -> Iterator[str]:

@@ -10,7 +10,7 @@ import typer
 
 from mcsettle.cli.options import Json, StudyFile, Variant
 from mcsettle.cli.tables import shown
-from mcsettle.cli.terminal import plainly, say, talk
+from mcsettle.cli.terminal import inform, plainly, say
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def grounds(
     say(report_json(report) if json_output else "\n".join(report_lines(report)), json_output)
     if picture is not None:
         draw_report(report, picture)
-        talk(f"Drew {picture}")
+        inform(f"Drew {picture}")
 
 
 def list_lines(study: "Study") -> Iterator[str]:

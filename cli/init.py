@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mcsettle.cli.terminal import plainly, say, talk
+from mcsettle.cli.terminal import inform, plainly, say
 from mcsettle.errors import InputError
 
 
@@ -24,7 +24,7 @@ def init(
         raise InputError(f"{path} exists; name another file or remove it first") from None
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}") from None
-    talk(f"Wrote {path}. Next: mcsettle check {path}")
+    inform(f"Wrote {path}. Next: mcsettle check {path}")
 
 
 @plainly

@@ -11,7 +11,7 @@ import typer
 from mcsettle.cli.check import warn_of
 from mcsettle.cli.options import Json, StudyFile
 from mcsettle.cli.tables import shown
-from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, say, talk
+from mcsettle.cli.terminal import Progress, checked_folder, cores, inform, plainly, say
 from mcsettle.estimate.rounding import with_error
 from mcsettle.units import MM
 
@@ -115,7 +115,7 @@ def write_lives(found: Sequence["Life"], folder: Path) -> None:
     for name, rows in (("lives", lives), ("tampings", tampings)):
         content: bytes = pd.DataFrame(rows).to_parquet(index=False)
         write_file(folder / f"{name}.parquet", content)
-    talk(f"Wrote lives.parquet and tampings.parquet to {folder}")
+    inform(f"Wrote lives.parquet and tampings.parquet to {folder}")
 
 
 def _rows(life: "Life") -> list[tuple[str, "np.ndarray"]]:

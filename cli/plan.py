@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from mcsettle.cli.options import Batch, Exact, Json, ParameterSets, Realisations, StudyFile, Threads
-from mcsettle.cli.terminal import Progress, cores, plainly, say, talk
+from mcsettle.cli.terminal import Progress, cores, inform, plainly, say, warn
 
 if TYPE_CHECKING:
     from mcsettle.run.plan import Plan
@@ -28,7 +28,7 @@ def plan(
 
     loaded = load_study(study)
     for warning in loaded.warnings:
-        talk(f"warning: {warning}")
+        warn(f"warning: {warning}")
     from mcsettle.run.plan import plan as plan_of
 
     asked = loaded.with_run(realisations, None, "every_axle" if exact else None, parameter_sets)
@@ -42,7 +42,7 @@ def tell_plan(study: "Study", threads: int | None, batch: int | None) -> None:
     from mcsettle.run.plan import plan as plan_of
 
     if is_long(study):
-        talk(plan_text(plan_of(study, threads, batch, Progress(), cores())))
+        inform(plan_text(plan_of(study, threads, batch, Progress(), cores())))
 
 
 def plan_text(found: "Plan") -> str:

@@ -10,7 +10,7 @@ import typer
 from typer import Option
 
 from mcsettle.cli.options import Json, option_name, taking
-from mcsettle.cli.terminal import checked_folder, plainly, say, talk
+from mcsettle.cli.terminal import checked_folder, inform, plainly, say
 from mcsettle.errors import InputError
 from mcsettle.estimate.rounding import with_error
 
@@ -252,4 +252,4 @@ def write_report(report: "ProfileReport", folder: Path, title: str) -> None:
 
     written = save(profile_figure(report, title), folder, "profile")
     written.append(write_file(folder / "profile.json", f"{report_json(report)}\n".encode()))
-    talk("Wrote " + ", ".join(str(path) for path in written))
+    inform("Wrote " + ", ".join(str(path) for path in written))

@@ -5,7 +5,16 @@ from typing import Annotated
 
 import typer
 
-from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, refuse_url, say, talk
+from mcsettle.cli.terminal import (
+    Progress,
+    checked_folder,
+    cores,
+    inform,
+    plainly,
+    refuse_url,
+    say,
+    warn,
+)
 from mcsettle.errors import InputError
 from mcsettle.storage.files import is_url
 
@@ -86,9 +95,9 @@ def report(
         files[target.with_suffix(".pdf")] = print_pdf(text)
     written = write_marked(files, study, force)
     for path in written[:4]:
-        talk(f"Wrote {path}")
+        inform(f"Wrote {path}")
     if len(written) > 4:
-        talk(f"and {len(written) - 4} more files")
+        inform(f"and {len(written) - 4} more files")
 
 
 @plainly
@@ -113,11 +122,11 @@ def export(
     material = read_material(folder)
     if csv is not None:
         written = write_csv(material, csv, force)
-        talk(f"Wrote {len(written)} files to {csv}")
+        inform(f"Wrote {len(written)} files to {csv}")
     if xlsx is not None:
         for remark in write_xlsx(material, xlsx, force):
-            talk(f"remark: {remark}")
-        talk(f"Wrote {xlsx}")
+            warn(f"remark: {remark}")
+        inform(f"Wrote {xlsx}")
 
 
 @plainly

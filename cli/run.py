@@ -23,10 +23,11 @@ from mcsettle.cli.terminal import (
     Progress,
     checked_out,
     cores,
+    inform,
     own_folders,
     plainly,
-    talk,
     together,
+    warn,
     with_cache,
 )
 from mcsettle.storage.files import is_url
@@ -154,13 +155,13 @@ def run_one(
 
         finished, missed = run_in_batches(study, where, until, max_minutes, options, progress)
     for remark in finished.remarks:
-        talk(f"remark: {remark}")
+        warn(f"remark: {remark}")
     shown = str(place(out))
     if finished.closed:
-        talk(f"Results in {shown}. Next: mcsettle summarise {shown}")
+        inform(f"Results in {shown}. Next: mcsettle summarise {shown}")
     else:
         done = f"{finished.n_shards} shards, {finished.n_computed} of them computed now"
-        talk(f"Slice {options.shards}: {done}. When all slices are done: mcsettle gather {shown}")
+        inform(f"Slice {options.shards}: {done}. When all slices are done: mcsettle gather {shown}")
     tell_failed(finished.n_failed)
     if missed:
         raise typer.Exit(MISSED)
@@ -179,7 +180,7 @@ def _by_workers(
     from mcsettle.run.distributed import run_distributed, workers
 
     if until is None and max_minutes is None:
-        return run_distributed(study, where, scheduler, options, progress, talk), False
+        return run_distributed(study, where, scheduler, options, progress, inform), False
     from mcsettle.cli.until import run_in_batches
 
     with workers(scheduler, options.processes) as (address, share):  # the same for all batches
@@ -188,7 +189,7 @@ def _by_workers(
         def run(
             study: "Study", out: Any, options: "RunOptions", progress: types.Progress | None
         ) -> "Finished":
-            return run_distributed(study, out, address, options, progress, talk)
+            return run_distributed(study, out, address, options, progress, inform)
 
         return run_in_batches(study, where, until, max_minutes, options, progress, run)
 
@@ -196,5 +197,5 @@ def _by_workers(
 def tell_failed(n_failed: int) -> None:
     """Say how many realisations failed and exit with 3, if any did."""
     if n_failed:
-        talk(f"{n_failed} realisations failed; their rows say why.")
+        warn(f"{n_failed} realisations failed; their rows say why.")
         raise typer.Exit(PARTIAL)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from mcsettle.cli.options import Folder, Json, TakeOver
 from mcsettle.cli.run import tell_failed
-from mcsettle.cli.terminal import plainly, say, talk
+from mcsettle.cli.terminal import inform, plainly, say
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def gather(folder: Folder, take_over: TakeOver = False) -> None:
     from mcsettle.run.close import gather as close
 
     finished = close(str(folder), take_over)
-    talk(f"{finished.n_shards} shards are complete. Next: mcsettle summarise {finished.folder}")
+    inform(f"{finished.n_shards} shards are complete. Next: mcsettle summarise {finished.folder}")
     tell_failed(finished.n_failed)
 
 

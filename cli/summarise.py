@@ -12,7 +12,7 @@ from mcsettle.cli.options import Folder, Json
 from mcsettle.cli.picture import checked_picture, draw
 from mcsettle.cli.spread import print_spread, statistics_json
 from mcsettle.cli.tables import add_numbers, console, print_fitted, quantiles, shown, table
-from mcsettle.cli.terminal import plainly, say, talk
+from mcsettle.cli.terminal import inform, plainly, say
 
 if TYPE_CHECKING:
     from mcsettle.summary.results import Results
@@ -49,7 +49,7 @@ def summarise(
         say("\n".join(one_screen(results, answers(results), str(folder))))
     if picture is not None:
         draw(results, folder, picture)
-        talk(f"Drew {picture}")
+        inform(f"Drew {picture}")
 
 
 def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:

@@ -1,25 +1,26 @@
 """Where the command line meets the user: messages, exit codes, folders, progress.
 
-Results go to stdout, talk to stderr. Exit codes: 0 done, 1 a check or a computation failed, 2 usage
-or bad input, 3 done with failed realisations, 5 precision target missed, 130
-interrupted.
+Results go to stdout, messages and progress to stderr.
 """
 
 import contextlib
 import functools
+import inspect
 import json
 import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import Annotated, ParamSpec, TypeVar
 
 import typer
+from rich import progress as bars
+from rich.console import Console
 
 from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
-from mcsettle.report.outgoing import json_text, lines, plain
+from mcsettle.report.outgoing import json_text, lines
 from mcsettle.storage.files import is_url
 from mcsettle.storage.location import Folder, place
 
@@ -31,11 +32,38 @@ BAD_INPUT = 2
 PARTIAL = 3
 MISSED = 5
 INTERRUPTED = 130
+EXIT_CODES: Mapping[int, str] = {
+    0: "done",
+    FAILED: "a computation failed, or a check of validate or doctor",
+    BAD_INPUT: "usage, or a study, file or folder that cannot be used",
+    PARTIAL: "done, but some realisations failed",
+    MISSED: "the precision of --until was not reached",
+    INTERRUPTED: "interrupted; the same command goes on",
+}
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No progress and no messages but warnings and errors.")
+]
 
 
-def talk(message: str) -> None:
-    """One message to the person at the terminal (stderr)."""
-    typer.echo(lines(message), err=True)
+class _State:
+    """What one command shares: whether it is quiet, and the bar that is on the terminal."""
+
+    quiet = False
+    bar: bars.Progress | None = None
+
+
+def inform(message: str) -> None:
+    """One message to the person at the terminal (stderr), unless they asked for quiet."""
+    if not _State.quiet:
+        warn(message)
+
+
+def warn(message: str) -> None:
+    """One message that is always printed (stderr), above the bar where there is one."""
+    if _State.bar is None:
+        typer.echo(lines(message), err=True)
+    else:
+        _State.bar.console.print(lines(message), markup=False, highlight=False, soft_wrap=True)
 
 
 def say(text: str, is_data: bool = False, nl: bool = True) -> None:
@@ -59,7 +87,9 @@ def prepare_streams() -> None:
 
 def cores() -> int:
     """Cores this process may use."""
-    return len(os.sched_getaffinity(0))
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def heed_termination() -> None:
@@ -73,30 +103,40 @@ def heed_termination() -> None:
 
 
 def plainly(command: Callable[P, R]) -> Callable[P, R]:
-    """Wrap a command so that what the user can mend ends in a message and an exit code."""
+    """Wrap a command: it takes ``--quiet``, and what its user can mend ends in a message and a code."""
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        _State.quiet = bool(kwargs.pop("quiet", False))
         try:
             return command(*args, **kwargs)
         except KeyboardInterrupt:
-            talk("\nInterrupted; nothing half-written. The same command goes on from here.")
+            warn("\nInterrupted; nothing is half-written. The same command goes on from here.")
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError:
             raise  # the reader of stdout has gone (`| head`): typer ends quietly
         except (InputError, MissingPrecomputationError, OSError) as error:
-            talk(f"mcsettle: {error}")
+            warn(f"mcsettle: {error}")
             raise typer.Exit(BAD_INPUT) from None
         except NumericalError as error:
-            talk(f"mcsettle: the computation failed: {error}")
+            warn(f"mcsettle: the computation failed: {error}")
             raise typer.Exit(FAILED) from None
         except MemoryError:
-            talk(
+            warn(
                 "mcsettle: the memory that this process may use does not suffice; free some, raise its "
                 "limit, or give a smaller --batch: the same command goes on from what is there"
             )
             raise typer.Exit(FAILED) from None
+        finally:
+            _end_bar()
+            _State.quiet = False
 
+    own = inspect.signature(command)
+    quiet = inspect.Parameter(
+        "quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet
+    )
+    parameters = [*own.parameters.values(), quiet]
+    wrapped.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
     return wrapped
 
 
@@ -192,44 +232,55 @@ def together(
 
 
 class Progress:
-    """Progress on stderr: one line that is rewritten on a terminal, a line now and then elsewhere.
+    """Progress on stderr: a bar on a terminal, elsewhere one line when a stage ends.
 
     Called as ``progress(stage, done, total)``, with ``done`` rising from 0 to ``total``.
     """
 
-    def __init__(self, interval: float | None = None) -> None:
-        self.terminal = sys.stderr.isatty()
-        self.interval = interval if interval is not None else 0.2 if self.terminal else 15.0
+    def __init__(self) -> None:
         self.stage = ""
-        self.started = self.shown = 0.0
+        self.started = 0.0
+        self.counts = ""
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Report that ``done`` of ``total`` steps of ``stage`` are finished."""
-        now = time.monotonic()
-        if stage != self.stage:
-            self._finish_line()
-            self.stage, self.started, self.shown = stage, now, 0.0 if self.terminal else now
-        if now - self.shown < self.interval and done < total:
+        if _State.quiet:
             return
-        self.shown = now
-        text = f"{stage}: {done}/{total} {self._left(done, total, now)}"
-        if self.terminal:
-            sys.stderr.write(f"\r\033[K{plain(text)}")
-            sys.stderr.flush()
-        else:
-            talk(text)
+        if stage != self.stage:
+            self._end()
+            self.stage, self.started = stage, time.monotonic()
+            if sys.stderr.isatty():
+                _State.bar = _bar(stage, total)
+        self.counts = f"{done}/{total}"
+        if _State.bar is not None:
+            _State.bar.update(_State.bar.task_ids[0], completed=done, total=total)
         if done >= total:
-            self._finish_line()
+            self._end()
 
-    def _left(self, done: int, total: int, now: float) -> str:
-        elapsed = now - self.started
-        if done >= total:
-            return f"({elapsed:.0f} s)"
-        if done == 0 or elapsed < 1.0:
-            return ""
-        return f"({done / elapsed:.3g}/s, {(total - done) * elapsed / done:.0f} s left)"
-
-    def _finish_line(self) -> None:
-        if self.terminal and self.stage:
-            sys.stderr.write("\n")
+    def _end(self) -> None:
+        if self.stage and _State.bar is None:
+            inform(f"{self.stage}: {self.counts} ({time.monotonic() - self.started:.0f} s)")
+        _end_bar()
         self.stage = ""
+
+
+def _bar(stage: str, total: int) -> bars.Progress:
+    columns = (
+        bars.TextColumn("{task.description}", markup=False),
+        bars.BarColumn(),
+        bars.MofNCompleteColumn(),
+        bars.TimeElapsedColumn(),
+        bars.TextColumn("left"),
+        bars.TimeRemainingColumn(),
+    )
+    bar = bars.Progress(*columns, console=Console(stderr=True))
+    bar.add_task(stage, total=total)
+    bar.start()
+    return bar
+
+
+def _end_bar() -> None:
+    """Leave the bar on the terminal as it is and go on below it."""
+    if _State.bar is not None:
+        _State.bar.stop()
+        _State.bar = None

@@ -8,7 +8,7 @@ import typer
 
 from mcsettle.cli.check import warn_of
 from mcsettle.cli.options import StudyFile
-from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, say, talk
+from mcsettle.cli.terminal import Progress, checked_folder, cores, inform, plainly, say, warn
 
 if TYPE_CHECKING:
     from mcsettle.analysis.table4 import Increase
@@ -41,7 +41,7 @@ def track(
     for case in cases:
         rows, table = describe(case), increases_at_surface(case, progress)
         for warning in speed_warnings(case):
-            talk(f"warning: {warning}")
+            warn(f"warning: {warning}")
         head = [f"== {case.variant}"] if len(cases) > 1 else []
         say("\n".join([*head, *track_lines(rows), *table4_lines(table)]))
         if out is not None:
@@ -49,7 +49,7 @@ def track(
 
             folder = out / case.variant if len(cases) > 1 else out
             written = draw_track(case, rows, table, folder, progress)
-            talk(f"Wrote {len(written)} files to {folder}")
+            inform(f"Wrote {len(written)} files to {folder}")
 
 
 def track_lines(rows: "list[Row]") -> Iterator[str]:

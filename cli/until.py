@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from mcsettle.cli.terminal import say, talk
+from mcsettle.cli.terminal import inform, say
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import Finished, run_study
 from mcsettle.run.stopping import Batch, Run, Target, parse_target, run_until
@@ -31,11 +31,11 @@ def run_in_batches(
     stopped = run_until(study, out, target, max_minutes, options, progress, tell=tell, run=run)
     last = stopped.batches[-1].realisations
     if target is not None and stopped.met:
-        talk(f"Target met with {last} realisations.")
+        inform(f"Target met with {last} realisations.")
     elif stopped.late:
-        talk(f"Stopped for time at {last} realisations; the same command goes on from here.")
+        inform(f"Stopped for time at {last} realisations; the same command goes on from here.")
     elif target is not None:
-        talk(f"Target missed at the cap of {last} realisations; raise --realisations to go on.")
+        inform(f"Target missed at the cap of {last} realisations; raise --realisations to go on.")
     return stopped.finished, target is not None and not stopped.met
 
 

@@ -8,6 +8,7 @@ import pytest
 import typer
 
 from mcsettle.cli.app import app
+from mcsettle.cli.terminal import EXIT_CODES
 from mcsettle.storage.tables import TABLES
 from mcsettle.study.schema.base import Table
 from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
@@ -182,24 +183,29 @@ def test_every_column_is_named_with_its_unit(name: str) -> None:
         assert unit in line.split("|")[2], f"{name}.{column.name}: {unit} missing in {line}"
 
 
+EVERYWHERE = {"--help", "--quiet"}
+
+
 def test_every_command_and_option_is_named() -> None:
+    for option in EVERYWHERE:
+        assert f"`{option}`" in GUIDE
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     for name, command in commands.items():
         row = next((x for x in GUIDE.splitlines() if x.startswith(f"| `mcsettle {name}")), None)
         assert row is not None, name
-        options = {o for p in command.params for o in p.opts if o.startswith("--")} - {"--help"}
+        options = {o for p in command.params for o in p.opts if o.startswith("--")} - EVERYWHERE
         for option in options:
             assert f"`{option}`" in row, f"{name} {option}"
         assert options == set(re.findall(r"`(--[a-z-]+)`", row)), f"{name}: stale option in {row}"
 
 
 def test_every_exit_code_is_named() -> None:
-    from mcsettle.cli import terminal
-
     text = GUIDE.split("## Exit codes")[1].split("\n## ")[0]
-    for name in ("FAILED", "BAD_INPUT", "PARTIAL", "MISSED", "INTERRUPTED"):
-        code = getattr(terminal, name)
-        assert f"| {code} |" in text
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    in_readme = readme.partition("Exit codes: ")[2].partition("\n\n")[0]
+    assert [int(code) for code in re.findall(r"^\| (\d+) \|", text, re.MULTILINE)] == [*EXIT_CODES]
+    for code in EXIT_CODES:
+        assert re.search(rf"\b{code}\b", in_readme), f"README does not name the exit code {code}"
 
 
 def anchors(page: Path) -> set[str]:

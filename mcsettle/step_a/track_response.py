@@ -1,6 +1,5 @@
 """The track model that answers for a track: closed-form beam, or section, linear or softened."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from mcsettle.railway.softening_choices import Softened
@@ -70,7 +69,7 @@ def track_response(
             settings,
             softening=softened.settings,
             cache=cache_folder(),
-            progress=_reversed(progress),
+            progress=progress,
             workers=workers,
             deferred=True,
         )[0]
@@ -79,11 +78,7 @@ def track_response(
         integration_depth,
         settings,
         cache=cache_folder(),
-        progress=_reversed(progress),
+        progress=progress,
         workers=workers,
         deferred=True,
     )
-
-
-def _reversed(progress: Progress | None) -> Callable[[int, int, str], None] | None:
-    return None if progress is None else lambda done, total, text: progress(text, done, total)

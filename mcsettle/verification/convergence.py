@@ -29,13 +29,12 @@ from mcsettle.step_a.fem25d.solve import outputs, solve
 from mcsettle.step_a.fem25d.track_section import track_section
 from mcsettle.step_a.fem25d.wavenumber_rule import wavenumber_quadrature
 from mcsettle.storage.files import cache_folder
+from mcsettle.types import Progress
 
 SPEED = 60.0  # m/s
 OMEGAS = (2.0 * math.pi * SPEED / 25.0, 2.0 * math.pi * SPEED / 5.0)  # waves of 25 and 5 m
 DEPTH = 5.5  # m
 SHIFT = 0.06  # rad/m: wavenumbers are spread evenly in log(k + SHIFT)
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,10 @@
 """The command line: results on stdout, talk on stderr, exit codes, no traceback for user input."""
 
 import dataclasses
+import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +16,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+import mcsettle
+from mcsettle.cli import terminal
 from mcsettle.cli.app import app
 from mcsettle.cli.observations import read_observations
 from mcsettle.errors import InputError, NumericalError
@@ -39,7 +43,63 @@ def command(*arguments: str | Path, cwd: Path | None = None) -> subprocess.Compl
     )
 
 
-# --- help, init, check, schema --------------------------------------------------------------------
+# --- help, version, progress ------------------------------------------------------------------------
+
+
+def test_version_and_module_are_the_command() -> None:
+    done = invoke("--version")
+    assert (done.exit_code, done.stdout) == (0, f"mcsettle {mcsettle.__version__}\n")
+    module = subprocess.run(
+        [sys.executable, "-m", "mcsettle", "--version"], capture_output=True, text=True, check=True
+    )
+    assert module.stdout == done.stdout
+    assert "--install-completion" in invoke("--help").stdout
+
+
+def test_progress_is_one_line_a_stage_away_from_a_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    progress = terminal.Progress()
+    for stage in ("Step A", "Step B"):
+        for done in range(4):
+            progress(stage, done, 3)
+    progress("Pictures", 1, 9)
+    progress("Tables", 1, 1)
+    lines = re.sub(r"\d+ s", "0 s", capsys.readouterr().err).splitlines()
+    assert lines == [
+        "Step A: 3/3 (0 s)", "Step B: 3/3 (0 s)", "Pictures: 1/9 (0 s)", "Tables: 1/1 (0 s)",
+    ]  # fmt: skip
+
+
+def test_quiet_leaves_warnings_and_errors(tmp_path: Path, pipeline: SimpleNamespace) -> None:
+    done = invoke("run", TOY, "--out", tmp_path, "--quiet")
+    assert (done.exit_code, done.stderr) == (0, "remark: look here\n")
+    assert "Next:" in invoke("run", TOY, "--out", tmp_path).stderr
+    done = invoke("check", tmp_path / "none.toml", "-q")
+    assert done.exit_code == 2
+    assert "does not exist" in done.stderr
+
+
+@pytest.mark.parametrize("colours", [True, False])
+def test_a_bar_on_a_terminal_takes_no_colour_where_none_is_wanted(
+    monkeypatch: pytest.MonkeyPatch, colours: bool
+) -> None:
+    screen = io.StringIO()
+    screen.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    if not colours:
+        monkeypatch.setenv("NO_COLOR", "1")
+    progress = terminal.Progress()
+    progress("Step B", 1, 2)
+    progress("Step B", 2, 2)
+    assert "Step B" in screen.getvalue()
+    assert "2/2" in screen.getvalue()
+    assert ("\x1b[3" in screen.getvalue()) == colours
+
+
+# --- init, check, schema --------------------------------------------------------------------
 
 
 def test_help_names_every_command() -> None:

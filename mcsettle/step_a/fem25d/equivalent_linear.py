@@ -11,11 +11,12 @@ from mcsettle.railway.traffic import Train
 from mcsettle.step_a.fem25d.cache import FORMAT, digest_of, read_arrays, write_arrays
 from mcsettle.step_a.fem25d.moving_load import SectionResponse
 from mcsettle.step_a.fem25d.section import MeshSettings
-from mcsettle.step_a.fem25d.section_response import Progress, section_response
+from mcsettle.step_a.fem25d.section_response import section_response
 from mcsettle.step_a.fem25d.settings import Settings
 from mcsettle.step_a.fem25d.softening import SoftenedGround, SofteningHistory, soften
 from mcsettle.step_a.fem25d.track_section import ElementProperties
 from mcsettle.storage.files import cache_folder
+from mcsettle.types import Progress
 
 HISTORY = ("change", "lowest", "mean", "strain", "damping")
 
@@ -98,11 +99,7 @@ def softened_ground(
     if stored is not None:
         return stored
 
-    def step(done: int, text: str) -> None:
-        if progress is not None:
-            progress(done, softening.max_iterations, text)
-
-    ground = soften(track, train, speed, integration_depth, mesh, softening, step)
+    ground = soften(track, train, speed, integration_depth, mesh, softening, progress)
     if use_cache and ground.history.converged:
         write_arrays(path, _arrays(ground))
     return ground

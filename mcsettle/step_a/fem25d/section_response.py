@@ -1,6 +1,5 @@
 """Entry to Step A: the reduced bases of a track, read or computed, as a ``SectionResponse``."""
 
-from collections.abc import Callable
 from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -20,8 +19,8 @@ from mcsettle.step_a.fem25d.stress_outputs import centreline
 from mcsettle.step_a.fem25d.track_section import ElementProperties, track_section
 from mcsettle.step_a.processes import process_pool
 from mcsettle.storage.files import cache_folder
+from mcsettle.types import Progress
 
-Progress = Callable[[int, int, str], None]
 HELD_OUT_SEED = 8_230_451
 
 
@@ -49,7 +48,7 @@ def section_response(
     cache : Path, optional
         Folder of stored bases; default ``MCSETTLE_CACHE`` or the user's cache folder.
     progress : callable, optional
-        Called as ``progress(done, total, text)`` when a band of wavenumbers is finished.
+        Called as ``progress(stage, done, total)`` when a band of wavenumbers is finished.
     workers : int
         Processes (spawned, and closed before return); 1 computes in this process.
     use_cache : bool
@@ -141,8 +140,7 @@ def _compute(model: _Model, progress: Progress | None, workers: int) -> Bases:
 
     def report(index: int) -> None:
         if progress is not None:
-            solves = sum(band.solves for band, *_ in done.values())
-            progress(len(done), count, f"track response: {solves} solutions")
+            progress("Track response", len(done), count)
 
     if workers == 1:
         section = model.section()

@@ -12,7 +12,6 @@ the next modulus and damping. The damping never falls below that of the layer. P
 
 import functools
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +29,7 @@ from mcsettle.step_a.fem25d.passing_train import along_train, line_wavenumbers, 
 from mcsettle.step_a.fem25d.section import MeshSettings
 from mcsettle.step_a.fem25d.solve import SUPERLU
 from mcsettle.step_a.fem25d.track_section import ElementProperties
+from mcsettle.types import Progress
 
 WAVENUMBERS = 16  # solutions per iteration
 CHUNK = 400  # places along the train handled together
@@ -86,7 +86,7 @@ def soften(
     integration_depth: float = 5.5,
     mesh: MeshSettings | None = None,
     settings: SofteningSettings | None = None,
-    progress: Callable[[int, str], None] | None = None,
+    progress: Progress | None = None,
     frame: Frame | None = None,
     start: ElementProperties | None = None,
 ) -> SoftenedGround:
@@ -107,7 +107,7 @@ def soften(
     settings : SofteningSettings, optional
         Strain measure, curves, tolerance.
     progress : callable, optional
-        Called as ``progress(iterations, text)`` after each iteration.
+        Called as ``progress(stage, iterations, most)`` after each iteration.
     frame : Frame, optional
         ``track_frame(track, integration_depth, mesh)``, if it exists already.
     start : ElementProperties, optional
@@ -147,7 +147,7 @@ def _iterate(
     speed: float,
     state: np.ndarray,
     settings: SofteningSettings,
-    progress: Callable[[int, str], None] | None,
+    progress: Progress | None,
 ) -> tuple[np.ndarray, list[tuple[float, np.ndarray]]]:
     """Share of the modulus and damping [2, R] at the end, and (change, summary) of every iteration."""
     track, elements = frame.track, frame.elements
@@ -165,7 +165,8 @@ def _iterate(
         change = float(np.max(np.abs(image[0] / state[0] - 1.0)))
         records.append((change, _summary(frame, image[0], strain, image[1])))
         if progress is not None:
-            progress(len(records), f"softening at {speed * 3.6:.0f} km/h: change {change:.1%}")
+            stage = f"Softening at {speed * 3.6:.0f} km/h"
+            progress(stage, len(records), settings.max_iterations)
         if change <= settings.tolerance:
             break
         steps.append((state, image))
