@@ -17,7 +17,18 @@ PACKAGES = {"mcsettle": "mcsettle", "kernels": "mcsettle.kernels", "cli": "mcset
 # A room may import the rooms before it, and its own modules; nothing else.
 ROOMS = (
     *("errors", "units", "types", "storage", "railway", "economics", "estimate", "step_a"),
-    *("verification", "kernels", "step_b", "study", "summary", "run", "analysis", "report", "cli"),
+    *(
+        "verification",
+        "kernels",
+        "step_b",
+        "study",
+        "summary",
+        "run",
+        "analysis",
+        "report",
+        "cli",
+        "__main__",
+    ),
 )
 RANK = {room: rank for rank, room in enumerate(ROOMS)}
 
