@@ -58,6 +58,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which cannot follow the t
     from mcsettle.report.notebook import plot as plot
     from mcsettle.report.notebook import summarise as summarise
     from mcsettle.run.distributed import run_distributed as run_distributed
+    from mcsettle.run.options import RunOptions as RunOptions
     from mcsettle.run.pipeline import run_study as run_study
     from mcsettle.step_a.transfer import TransferFunctions as TransferFunctions
     from mcsettle.study.study import Study as Study
@@ -80,6 +81,7 @@ _NAMES = {
     "railway.vehicle": "Vehicle",
     "report.notebook": "plot summarise",
     "run.distributed": "run_distributed",
+    "run.options": "RunOptions",
     "run.pipeline": "run_study",
     "step_a.transfer": "TransferFunctions",
     "study.study": "Study load_study resolved_toml",
