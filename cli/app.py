@@ -18,6 +18,7 @@ from mcsettle.cli.plan import plan
 from mcsettle.cli.profile import profile
 from mcsettle.cli.report import compare, export, report
 from mcsettle.cli.run import run
+from mcsettle.cli.sections import sections
 from mcsettle.cli.status import gather, status
 from mcsettle.cli.summarise import summarise
 from mcsettle.cli.terminal import EXIT_CODES, heed_termination, prepare_streams
@@ -55,7 +56,7 @@ def options(
 
 for verb in (
     *(init, check, schema, run, plan, status, gather, summarise, report, export, compare),
-    *(calibrate, tornado, life, grounds, track, profile, validate, doctor),
+    *(calibrate, tornado, life, sections, grounds, track, profile, validate, doctor),
 ):
     app.command()(verb)
 

@@ -18,11 +18,11 @@ from mcsettle.analysis.tamping import (
 )
 from mcsettle.economics import elasticity
 from mcsettle.errors import InputError
+from mcsettle.railway.initial_profiles import InitialProfiles
 from mcsettle.railway.irregularity import (
     default_section,
     random_amplitudes,
     standard_deviation,
-    wavenumbers,
 )
 from mcsettle.railway.scene import Scene
 from mcsettle.step_a.transfers import step_a
@@ -105,7 +105,8 @@ def tampings(
     progress: Progress | None = None,
 ) -> tuple[Sequence, np.ndarray]:
     """Tampings of the realisations ``indices`` after one at day 0, and the SD [R, C] m after each."""
-    start = study.initial_profiles().sample(indices)
+    source, typical = study.initial_profiles(), min(64, study.run.realisations)
+    start = source.sample(indices)
     recovery = recovery_of(table)
     later = case
     if table.ballast_cycles_after is not None:
@@ -139,14 +140,15 @@ def tampings(
         days.append(np.where(alive, day, np.nan))
         after.append(np.full(n, np.nan))
         if recovery is None:  # perfect: the next cycle is the first one again
-            after[-1][at] = standard_deviation(start[at], *_section(study))
+            after[-1][at] = standard_deviation(start[at], *_section(source))
             continue
         ground[at] = 0.0 if recovery.ground_renewed else day[at]
         factor[at] *= 1.0 + recovery.damage
         own = [indices[i] for i in at]
-        sd = _sd(study, ends)
-        after[-1][at] = recovery.sd_after(sd, study.seed, own, tamping)
-        profiles[at] = _tamped(study, recovery, start[at], ends, after[-1][at], own, tamping)
+        rough = standard_deviation(ends, *_section(source))
+        after[-1][at] = recovery.sd_after(rough, study.seed, own, tamping)
+        left = start[at], ends, after[-1][at]
+        profiles[at] = _tamped(source, recovery, *left, own, tamping, typical)
     if np.isfinite(life):  # tamped as often as is followed, and not renewed yet
         is_open |= alive
     if progress is not None:
@@ -171,37 +173,32 @@ def recovery_of(table: MaintenanceTable) -> Recovery | None:
 
 
 def _tamped(
-    study: Study,
+    source: InitialProfiles,
     recovery: Recovery,
     start: np.ndarray,
     ends: np.ndarray,
     sd: np.ndarray,
     indices: list[int],
     tamping: int,
+    typical: int,
 ) -> np.ndarray:
     """Profiles [R, K] m after a tamping, of SD ``sd`` [R] m."""
     shape = {"scaled": ends, "initial": start}.get(recovery.shape)
     if shape is None:  # the waves of the start, other phases and heights
-        stream, n = study.seed ^ _SHAPE_STREAM, start.shape[1]
+        stream, n = source.seed ^ _SHAPE_STREAM, start.shape[1]
         drawn = [random_amplitudes(stream, i, n * tamping)[-n:] for i in indices]
-        shape = np.array(drawn).reshape(start.shape) * _typical(study)
-    return np.asarray(shape * (sd / _sd(study, shape))[:, None])
+        shape = np.array(drawn).reshape(start.shape) * _typical(source, typical)
+    return np.asarray(shape * (sd / standard_deviation(shape, *_section(source)))[:, None])
 
 
-def _typical(study: Study) -> np.ndarray:
-    """Root mean square amplitude [K] m of the study's first tracks, by mode."""
-    profiles = study.initial_profiles().sample(range(min(64, study.run.realisations)))
+def _typical(source: InitialProfiles, count: int) -> np.ndarray:
+    """Root mean square amplitude [K] m of the first ``count`` profiles, by mode."""
+    profiles = source.sample(range(count))
     return np.asarray(np.sqrt(np.mean(np.abs(profiles) ** 2, axis=0)))
 
 
-def _section(study: Study) -> tuple[np.ndarray, float | None]:
-    table = study.profile
-    modes = wavenumbers(table.window_m, table.shortest_m, table.longest_m)
-    return modes, default_section(table.window_m)
-
-
-def _sd(study: Study, profiles: np.ndarray) -> np.ndarray:
-    return standard_deviation(profiles, *_section(study))
+def _section(source: InitialProfiles) -> tuple[np.ndarray, float | None]:
+    return source.wavenumbers, default_section(source.window)
 
 
 def _priced(

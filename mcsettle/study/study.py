@@ -138,8 +138,8 @@ class Study(StudyTables):
         """
         return (
             *warnings_of(parts_of(self)),
-            *record_remarks(self.profile, self._locate),
-            *ground_remarks(self.grounds_table, self._locate),
+            *record_remarks(self.profile, self.locate),
+            *ground_remarks(self.grounds_table, self.locate),
         )
 
     def variant(self, name: str) -> VariantTable:
@@ -335,19 +335,19 @@ class Study(StudyTables):
             *uncertain_faults(self, data, accept),
         ]
 
-    def _locate(self, name: str) -> Path:
+    def locate(self, name: str) -> Path:
         """Path of the file that the study calls ``name``."""
         return input_file(self._folder, name, self.files_outside)
 
     def _with_digests(self, folder: Path | None) -> tuple[Self, list[Fault]]:
         """The study with the digests of the files it names, and the faults of those names."""
+        self._folder = folder
         if self.profile.file is None and self.grounds_table is None:
             return self, []
-        self._folder = folder
         if self.grounds_table is None:
-            profile, faults = profile_with_digest(self.profile, self._locate)
+            profile, faults = profile_with_digest(self.profile, self.locate)
             return self.model_copy(update={"profile": profile}), faults
-        grounds, faults = grounds_with_digests(self.grounds_table, self._locate)
+        grounds, faults = grounds_with_digests(self.grounds_table, self.locate)
         return self.model_copy(update={"grounds_table": grounds}), faults
 
     def grounds(self) -> tuple[Ground, ...]:
@@ -359,7 +359,7 @@ class Study(StudyTables):
             A file of theirs cannot be read or used.
         """
         table = self.grounds_table
-        return () if table is None else read_grounds(table, self._locate)
+        return () if table is None else read_grounds(table, self.locate)
 
     def input_files(self) -> dict[str, tuple[str, Path]]:
         """Files that a run of the study reads again: their names and paths, by key path."""
@@ -367,7 +367,7 @@ class Study(StudyTables):
         if self.grounds_table is not None:
             names["grounds.layers"] = self.grounds_table.layers
             names["grounds.weights"] = self.grounds_table.weights
-        return {key: (name, self._locate(name)) for key, name in names.items()}
+        return {key: (name, self.locate(name)) for key, name in names.items()}
 
     def record(self) -> Record | None:
         """The profile's measured record, read, filtered and cut; None where there is none.
@@ -377,7 +377,7 @@ class Study(StudyTables):
         InputError
             The record cannot be read or used.
         """
-        return read_record(self.profile, self._locate)
+        return read_record(self.profile, self.locate)
 
     def _resolved(self) -> Self:
         """Copy with presets, vehicles, variants and economics written out."""

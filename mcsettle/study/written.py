@@ -13,6 +13,7 @@ _NO_EFFECT_ON_RESULTS = {
     "reference",
     "calibration",
     "maintenance",
+    "line",
     "files_outside",
     "sources",
 }

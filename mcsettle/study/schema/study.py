@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field
 from mcsettle.study.schema.base import FileName, KeyPath, Name, Table, Text
 from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
 from mcsettle.study.schema.grounds import GroundsTable
+from mcsettle.study.schema.line import LineTable
 from mcsettle.study.schema.observed import ObservedTable
 from mcsettle.study.schema.profile import ProfileTable
 from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
@@ -40,6 +41,7 @@ class StudyTables(Table):
     maintenance: MaintenanceTable | None = None
     train_tables: dict[Name, TrainTable] = Field(alias="trains", min_length=1, max_length=50)
     vehicle_tables: dict[Name, VehicleTable] = Field(default={}, alias="vehicles", max_length=100)
+    line: LineTable | None = None
     grounds_table: GroundsTable | None = Field(default=None, alias="grounds")
     include: Annotated[tuple[FileName, ...], Field(max_length=20)] = ()
     scenarios: Annotated[tuple[ScenarioTable, ...], Field(min_length=1, max_length=200)]

@@ -1,0 +1,208 @@
+"""``mcsettle sections``: when each section of a line must be tamped, from a study with ``[line]``."""
+
+import json
+from collections.abc import Iterator
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mcsettle.cli.check import warn_of
+from mcsettle.cli.options import Json, StudyFile
+from mcsettle.cli.terminal import Progress, cores, inform, plainly, say
+from mcsettle.errors import InputError
+from mcsettle.units import DAYS_PER_YEAR, MM
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from mcsettle.analysis.line_hold_out import HoldOut
+    from mcsettle.analysis.sections import SectionsReport
+    from mcsettle.study.build_line import Line
+
+SHOWN = 12
+TABLES = (".csv", ".xlsx", ".parquet")
+
+
+@plainly
+def sections(
+    study: StudyFile,
+    table: Annotated[
+        Path | None, typer.Option(help="File for all sections (.csv, .xlsx, .parquet).")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="Strip chart (.png, .svg).")] = None,
+    hold_out: Annotated[
+        bool, typer.Option("--hold-out", help="Predict the last run from those before it.")
+    ] = False,
+    json_output: Json = False,
+) -> None:
+    """Say when each section of a line must be tamped: its own rate, its dates, a plan."""
+    from mcsettle.study.study import load_study
+
+    for path, kinds in ((table, TABLES), (picture, (".png", ".svg"))):
+        if path is not None and path.suffix.lower() not in kinds:
+            raise InputError(f"{path}: choose a name that ends in {', '.join(kinds)}")
+    loaded = load_study(study)
+    warn_of(loaded)
+    if hold_out:
+        from mcsettle.analysis.sections import line_hold_out
+
+        line, held = line_hold_out(loaded, Progress(), cores())
+        _tell(line)
+        say(
+            hold_out_json(held) if json_output else "\n".join(hold_out_lines(line, held)),
+            json_output,
+        )
+        return
+    from mcsettle.analysis.sections import sections_report
+
+    report = sections_report(loaded, Progress(), cores())
+    _tell(report.line)
+    say(sections_json(report) if json_output else "\n".join(sections_lines(report)), json_output)
+    if table is not None:
+        write_table(report, table)
+    if picture is not None:
+        draw(report, picture)
+
+
+def _tell(line: "Line") -> None:
+    for remark in line.remarks:
+        inform(f"remark: {remark}")
+
+
+def sections_lines(report: "SectionsReport") -> Iterator[str]:
+    """The worst sections, what falls due in the coming years, the worksites."""
+    history, table = report.line.history, report.table
+    length = float((history.chainage_to - history.chainage_from).sum()) / 1000.0
+    yield (
+        f"{len(table)} sections, {length:.4g} km; last run {report.last_run}; "
+        f"{int(table['beyond_limit'].sum())} beyond their limit today"
+    )
+    middle, spread = report.forecast.factors.middle, report.forecast.factors.spread
+    yield (
+        f"the study's factor × {middle[1]:.2g} ({middle[0]:.2g} to {middle[2]:.2g}) for the line; "
+        f"log-SD between sections {spread[1]:.2g} ({spread[0]:.2g} to {spread[2]:.2g})"
+    )
+    yield ""
+    yield (
+        f"{'':>3} {'chainage m':>15} {'SD mm':>6} {'mm/year':>8} "
+        f"{'P5':>10} {'P50':>10} {'P95':>10} {'1 y':>5}"
+    )
+    late = f"> {_end(report)}"
+    for row in table.head(SHOWN).to_dict("records"):
+        place = f"{row['chainage_from_m']:.0f}-{row['chainage_to_m']:.0f}"
+        days = " ".join(f"{_date(row[f'due_p{p}'], late):>10}" for p in ("05", "50", "95"))
+        rate = (
+            "-"
+            if row["rate_mm_per_year"] != row["rate_mm_per_year"]
+            else f"{row['rate_mm_per_year']:.2f}"
+        )
+        yield (
+            f"{row['priority']:>3} {place:>15} {row['sd_now_mm']:>6.2f} {rate:>8} {days} "
+            f"{row['probability_1y']:>5.0%}"
+        )
+    if len(table) > SHOWN:
+        yield f"    and {len(table) - SHOWN} more (--table FILE.csv has them all)"
+    yield (
+        f"{late}: beyond the horizon ([limit] horizon_years)"
+        if _any_late(table.head(SHOWN))
+        else ""
+    )
+    yield "due per year from the last run on [km], P50 (P5 to P95), the line as a whole:"
+    for row in report.due.head(5).to_dict("records"):
+        yield (
+            f"  from {row['from']}: {row['due_km_p50']:.1f} "
+            f"({row['due_km_p05']:.1f} to {row['due_km_p95']:.1f})"
+        )
+    if report.sites:
+        shifts = sum(site.shifts for site in report.sites)
+        yield (
+            f"plan: {len(report.sites)} worksites, {shifts} shifts, cost {report.site_cost:,.0f}; each "
+            f"due section by itself {report.single_cost:,.0f}"
+        )
+
+
+def hold_out_lines(line: "Line", held: "HoldOut") -> Iterator[str]:
+    """How the last run was predicted, and whether by hand would have been better."""
+    errors = held.mean_absolute_error()
+    yield (
+        f"last run ({line.history.dates[-1]}) predicted for {len(held.rows)} sections: "
+        f"{held.coverage:.0%} inside P5 to P95 (90 % are meant to be)"
+    )
+    for name, error in errors.items():
+        yield f"  {name:<14} mean error {error / MM:.3f} mm"
+    best = min(errors, key=lambda name: errors[name])
+    yield (
+        "the model is at least as good as both baselines"
+        if best == "model"
+        else f"'{best}' predicts this run better: growth does not follow this model form"
+    )
+
+
+def sections_json(report: "SectionsReport") -> str:
+    """All sections, kilometres due and worksites as JSON."""
+    data = {
+        "last_run": report.last_run.isoformat(),
+        "factor": dict(zip(("p05", "p50", "p95"), report.forecast.factors.middle, strict=True)),
+        "section_log_sd": dict(
+            zip(("p05", "p50", "p95"), report.forecast.factors.spread, strict=True)
+        ),
+        "sections": _plain(report.table),
+        "due": _plain(report.due),
+        "worksites": [vars(site) for site in report.sites],
+        "plan_cost": report.site_cost,
+        "single_cost": report.single_cost,
+    }
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def hold_out_json(held: "HoldOut") -> str:
+    """Coverage and mean absolute errors as JSON."""
+    errors = {name: error / MM for name, error in held.mean_absolute_error().items()}
+    data = {"sections": len(held.rows), "coverage": held.coverage, "mean_absolute_error_mm": errors}
+    return json.dumps(data, indent=1)
+
+
+def write_table(report: "SectionsReport", path: Path) -> None:
+    """All sections as CSV, workbook or Parquet."""
+    table = report.table
+    if path.suffix.lower() == ".parquet":
+        table.to_parquet(path, index=False)
+    elif path.suffix.lower() == ".xlsx":
+        table.to_excel(path, sheet_name="sections", index=False, engine="xlsxwriter")
+    else:
+        table.to_csv(path, index=False)
+    inform(f"Wrote {path}")
+
+
+def draw(report: "SectionsReport", path: Path) -> None:
+    """Draw the strip chart."""
+    from mcsettle.report.figures.strip_chart import strip_chart
+    from mcsettle.report.figures.style import save
+
+    forecast = report.forecast
+    figure = strip_chart(report.line.history, forecast.quantiles(), forecast.rows, forecast.horizon)
+    save(figure, path.parent, path.stem, (path.suffix.lower().removeprefix("."),))
+    inform(f"Wrote {path}")
+
+
+def _plain(table: "pd.DataFrame") -> list[dict[str, Any]]:
+    def value(cell: Any) -> Any:
+        if isinstance(cell, date):
+            return cell.isoformat()
+        return None if cell is None or cell != cell else cell
+
+    return [{str(k): value(v) for k, v in row.items()} for row in table.to_dict("records")]
+
+
+def _end(report: "SectionsReport") -> str:
+    return str(report.last_run.year + round(report.forecast.horizon / DAYS_PER_YEAR))
+
+
+def _date(day: date | None, late: str) -> str:
+    return late if day is None else day.isoformat()
+
+
+def _any_late(table: "pd.DataFrame") -> bool:
+    return bool(table[["due_p05", "due_p50", "due_p95"]].isna().any(axis=None))

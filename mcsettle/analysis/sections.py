@@ -1,0 +1,187 @@
+"""The sections of a line as a table: where, how rough now, how fast, when due, and what first."""
+
+from dataclasses import dataclass
+from datetime import date, timedelta
+
+import numpy as np
+import pandas as pd
+
+from mcsettle.analysis.line_forecast import LineForecast, line_forecast
+from mcsettle.analysis.line_hold_out import HoldOut, hold_out
+from mcsettle.analysis.worksites import TampingPrices, Worksite, one_by_one, worksites
+from mcsettle.errors import InputError
+from mcsettle.railway.line_history import LineHistory
+from mcsettle.step_a.transfers import StepA, step_a
+from mcsettle.study.build_line import Line, build_line
+from mcsettle.study.study import Study
+from mcsettle.types import Progress
+from mcsettle.units import DAYS_PER_YEAR, MM
+
+YEARS = (1, 2, 3)
+DRAWS = 400  # of the whole line, for lengths due in a year
+LEVELS = (0.05, 0.5, 0.95)
+_STREAM = 0x11E  # of the seed, for draws of the line
+
+
+@dataclass(frozen=True, eq=False)
+class SectionsReport:
+    """What ``mcsettle sections`` tells: ``table`` has one row for each section, worst first.
+
+    ``due`` has a row for each coming year, with the kilometres that fall due; ``sites`` the worksites of
+    what is due within the plan's time, ``site_cost`` theirs and ``single_cost`` that of tamping each
+    section by itself, in the plan's money.
+    """
+
+    line: Line
+    forecast: LineForecast
+    table: pd.DataFrame
+    due: pd.DataFrame
+    sites: list[Worksite]
+    site_cost: float
+    single_cost: float
+
+    @property
+    def last_run(self) -> date:
+        """Date of the last run: day 0 of the forecast."""
+        return self.line.history.dates[-1]
+
+
+def sections_report(
+    study: Study, progress: Progress | None = None, processes: int = 1
+) -> SectionsReport:
+    """Forecast every section of the line of ``study``.
+
+    Raises
+    ------
+    InputError
+        There is no ``[line]``, or it cannot be used.
+    """
+    line, prepared = _ready(study, progress, processes)
+    history, horizon = line.history, study.limit.horizon_days
+    scenes = {(scene.variant, scene.scenario): scene for scene in study.scenes}
+    forecast = line_forecast(scenes, prepared, history, horizon, progress)
+    table = _table(history, forecast)
+    assert study.line is not None
+    plan = study.line.plan
+    prices = TampingPrices(plan.cost_per_shift, plan.output_m_per_shift, plan.least_length_m)
+    lengths = history.chainage_to - history.chainage_from
+    due, life_left = _due(history, forecast, plan.join_within_days)
+    sites = worksites(lengths, due, life_left, history.excluded != "", prices)
+    cost = sum(site.cost for site in sites)
+    single = one_by_one(lengths, due, prices)
+    return SectionsReport(
+        line, forecast, table, _due_by_year(history, forecast, study.seed), sites, cost, single
+    )
+
+
+def line_hold_out(
+    study: Study, progress: Progress | None = None, processes: int = 1
+) -> tuple[Line, HoldOut]:
+    """Predict the last run of the line of ``study`` from those before it.
+
+    Raises
+    ------
+    InputError
+        There is no ``[line]``, or its runs do not allow it.
+    """
+    line, prepared = _ready(study, progress, processes)
+    scenes = {(scene.variant, scene.scenario): scene for scene in study.scenes}
+    return line, hold_out(scenes, prepared, line.history, progress)
+
+
+def _ready(study: Study, progress: Progress | None, processes: int) -> tuple[Line, StepA]:
+    line = build_line(study)
+    names = {*zip(line.history.variant, line.history.scenario, strict=True)}
+    for variant, scenario in names:  # a name that is none is told before Step A
+        study.scene(variant, scenario)
+    scenes = [s for s in study.scenes if (s.variant, s.scenario) in names]
+    if any(scene.stepping != "cycle_jump" for scene in scenes):
+        raise InputError('sections are carried on with stepping "cycle_jump"')
+    return line, step_a(scenes, progress, processes)
+
+
+def _table(history: LineHistory, forecast: LineForecast) -> pd.DataFrame:
+    """One row for each section: first those beyond their limit today, then by median date."""
+    rows, last = forecast.rows, history.dates[-1]
+    quantiles = forecast.quantiles(LEVELS)
+    columns: dict[str, object] = {
+        "chainage_from_m": history.chainage_from[rows],
+        "chainage_to_m": history.chainage_to[rows],
+        "sd_now_mm": history.last_sd[rows] / MM,
+        "sd_limit_mm": history.sd_limit[rows] / MM,
+        "rate_mm_per_year": forecast.rate() / MM,
+        "scenario": history.scenario[rows],
+        "variant": history.variant[rows],
+        "runs": (~np.isnan(history.sd[rows])).sum(axis=1),
+    }
+    for level, days in zip(LEVELS, quantiles.T, strict=True):
+        columns[f"due_p{level * 100:02.0f}"] = [calendar(last, day) for day in days]
+    for years in YEARS:
+        chance = forecast.probability_within(years * DAYS_PER_YEAR)
+        columns[f"probability_{years}y"] = chance
+    table = pd.DataFrame(columns)
+    beyond = history.last_sd[rows] >= history.sd_limit[rows]
+    table["beyond_limit"] = beyond
+    ratio = history.last_sd[rows] / history.sd_limit[rows]
+    order = np.lexsort((-ratio, quantiles[:, 1], ~beyond))
+    table = table.iloc[order].reset_index(drop=True)
+    table.insert(0, "priority", np.arange(1, len(table) + 1))
+    return table
+
+
+def calendar(start: date, days: float) -> date | None:
+    """The date ``days`` after ``start``; None beyond the horizon."""
+    return start + timedelta(days=float(days)) if np.isfinite(days) else None
+
+
+def _due(
+    history: LineHistory, forecast: LineForecast, within: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which of all sections [S] are due within so many days (median), and the life others have left."""
+    n = len(history.chainage_from)
+    median = np.full(n, np.inf)
+    median[forecast.rows] = forecast.quantiles((0.5,))[:, 0]
+    growth = np.full(n, np.nan)
+    growth[forecast.rows] = forecast.rate()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Of the time from the SD that a tamping leaves to the limit, the part that is still to come.
+        whole = DAYS_PER_YEAR * 0.5 * history.sd_limit / growth
+        left = np.where(np.isfinite(median), median / np.maximum(whole, median), 1.0)
+    return median <= within, np.nan_to_num(left, nan=1.0)
+
+
+def _due_by_year(history: LineHistory, forecast: LineForecast, seed: int) -> pd.DataFrame:
+    """Kilometres that fall due in each coming year, P5 to P95 of ``DRAWS`` draws of the whole line.
+
+    Sections are drawn together: each draw has one pair (μ, τ) of the line, and every section its
+    factor and start SD given that pair.
+    """
+    pooled, rng = forecast.factors, np.random.default_rng([seed, _STREAM])
+    of_factor = forecast.weights.sum(axis=1, keepdims=True)
+    start_given_factor = forecast.weights / np.maximum(of_factor, 1e-300)
+    rows, n_years = np.arange(len(forecast.rows)), int(np.ceil(forecast.horizon / DAYS_PER_YEAR))
+    kilometres = (history.chainage_to - history.chainage_from)[forecast.rows] / 1000.0
+    lengths = np.zeros((DRAWS, n_years))
+    for draw, pair in enumerate(rng.choice(len(pooled.hyper), DRAWS, p=pooled.hyper)):
+        factor = _drawn(pooled.likelihood * pooled.given[pair], rng)
+        start = _drawn(start_given_factor[rows, :, factor], rng)
+        days = forecast.days[rows, start, factor]
+        year = np.minimum(days, n_years * DAYS_PER_YEAR) // DAYS_PER_YEAR
+        lengths[draw] = np.bincount(year.astype(int), kilometres, n_years + 1)[:n_years]
+    low, middle, high = np.quantile(lengths, LEVELS, axis=0)
+    first = history.dates[-1]
+    return pd.DataFrame(
+        {
+            "from": [calendar(first, y * DAYS_PER_YEAR) for y in range(n_years)],
+            "due_km_p05": low,
+            "due_km_p50": middle,
+            "due_km_p95": high,
+        }
+    )
+
+
+def _drawn(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """One index [S] for each row of ``weights`` [S, W], in proportion to them."""
+    below = np.cumsum(weights, axis=1)
+    at = np.sum(rng.random((len(weights), 1)) * below[:, -1:] > below, axis=1)
+    return np.minimum(at, weights.shape[1] - 1)
