@@ -37,6 +37,8 @@ def transfer_identity(scene: Scene, scenes: Sequence[Scene]) -> str:
         "wavenumbers": scene.wavenumbers.tolist(),
         "hertz_stiffness": scene.contact,
     }
+    if scene.rail_loads.description:
+        description["rail_loads"] = scene.rail_loads.description
     if isinstance(track, SectionTrack):
         from mcsettle.step_a.fem25d.cache import FORMAT
         from mcsettle.step_a.fem25d.settings import Settings

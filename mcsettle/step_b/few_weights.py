@@ -37,13 +37,18 @@ class FewWeights:
 def few_weights(case: Case, form: SettlementForm, multipliers: np.ndarray) -> FewWeights:
     """The combinations of the groups of ``form``, services one after the other, that do for ``case``.
 
-    Groups of different laws, or with different ``multipliers`` [F, E] of the fields, stay apart.
+    Groups of different services or laws, or with different ``multipliers`` [F, E] of the fields, stay
+    apart: the growth of one service alone is asked for, too.
     """
     days = np.geomspace(1.0, max(case.horizon, 2.0), DAYS)
     scale = 1.0 / form.constant
     weights = daily_weights(case, days) / scale
     laws = case.model.group_laws * len(case.timetable.services)
-    keys = [(law, *column) for law, column in zip(laws, multipliers.T, strict=True)]
+    n_groups = len(case.model.group_laws)
+    keys = [
+        (e // n_groups, law, *column)
+        for e, (law, column) in enumerate(zip(laws, multipliers.T, strict=True))
+    ]
     blocks = []
     for key in dict.fromkeys(keys):
         members = np.array([own == key for own in keys])

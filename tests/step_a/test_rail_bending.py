@@ -5,7 +5,9 @@ import pytest
 import toy
 
 from mcsettle.railway.irregularity import wavenumbers
-from mcsettle.step_a.rail_bending import rail_bending
+from mcsettle.step_a.interaction import precompute
+from mcsettle.step_a.rail_bending import rail_bending, with_rail_bending
+from mcsettle.step_a.transfer_file import load, save
 
 
 def beam_on_springs(bending, support, settled, n, length):
@@ -57,3 +59,33 @@ def test_the_stress_of_the_beam_track_in_closed_form():
     assert (found.stress[:, 2].real > 0.0).all()
     assert np.abs(found.stress[:, :3].imag).max() == 0.0
     assert np.abs(found.stress[:, 3].real).max() == 0.0
+
+
+def test_a_share_of_it_in_the_transfer_functions(tmp_path):
+    """The dynamic stress of every axle, kept on disk with what the rail follows."""
+    transfer, response = toy.transfer(), toy.response()
+    bent = with_rail_bending(transfer, response, response, 0.5, "0" * 64)
+    found = rail_bending(response, transfer.wavenumbers)
+    for axle in (0, 7):
+        np.testing.assert_allclose(
+            bent.dynamic[axle] - transfer.dynamic[axle], 0.5 * found.stress,
+            atol=1e-9 * np.abs(transfer.dynamic).max(),
+        )  # fmt: skip
+    save(bent, tmp_path / "bent.npz")
+    again = load(tmp_path / "bent.npz")
+    np.testing.assert_array_equal(again.following, found.following)
+    save(transfer, tmp_path / "plain.npz")
+    assert load(tmp_path / "plain.npz").following is None
+
+
+def test_the_whole_load_on_each_rail():
+    """Twice the receptance and the stress of a standing load; other transfer functions."""
+    modes, response = toy.transfer("car", shortest=20.0).wavenumbers, toy.response()
+    half, whole = (
+        precompute(toy.TRAINS["car"], toy.SPEEDS["car"], response, modes, whole=w)
+        for w in (False, True)
+    )
+    np.testing.assert_allclose(whole.quasi_static, 2.0 * half.quasi_static, rtol=1e-12)
+    np.testing.assert_allclose(whole.track_compliance, 2.0 * half.track_compliance, rtol=1e-12)
+    assert whole.digest != half.digest
+    assert half.digest == toy.transfer("car", shortest=20.0).digest
