@@ -2,14 +2,19 @@
 
 from collections.abc import Iterator, Sequence
 
+from mcsettle.study.build_forms import build_rail_loads, variability_table
 from mcsettle.study.study import Study
 from mcsettle.summary.answers import Answers
 
 # What would tell the forms apart, by the assumption in which they differ.
 NARROWED_BY = {
+    "support": "Levelling after two years: is the support uniform along the track?",
     "ground": "Rail deflection under a train at two speeds: is the ground softened?",
     "stress": "Levelling after two years: how much does the line settle as a whole?",
     "cycles": "SD before and after one tamping: how do load cycles count?",
+    "rail": "Rail deflection beside voids or soft spots: how far does the rail spread the load?",
+    "long run": "Settlement per tonne of old track against new: does it speed up in the long run?",
+    "vehicles": "Car lengths and wheel loads of the trains that run.",
     "spectrum": "The line's own record of a track recording car, instead of a spectrum.",
 }
 DAMPING = "Damping of the freight wagons in service: it decides the sign."
@@ -25,12 +30,39 @@ def assumptions(study: Study, variant: str) -> dict[str, str]:
     settings = study.settlement_settings(variant)
     table = study.variant(variant)
     spectrum = table.spectrum or study.profile.spectrum
+    long_run = settings.long_run_cycles
     return {
         "ground": "linear ground" if study.softening(variant) is None else "softened ground",
         "stress": f"{settings.stress} stress",
-        "cycles": f"cycles {settings.cycles.replace('_', ' ')}",
+        "support": _support(study, variant),
+        "rail": _rail(study, variant),
+        "cycles": _cycles(settings.cycles, settings.equivalence_exponent),
+        "long run": "" if long_run is None else f"faster from {long_run:g} cycles",
+        "vehicles": "vehicles of its own" if table.trains or table.load_per_rail else "",
         "spectrum": f"{spectrum.replace('_', ' ')} spectrum",
     }
+
+
+def _support(study: Study, variant: str) -> str:
+    """How the settlement susceptibility varies along the track."""
+    table = variability_table(study.spatial_variability, study.variant(variant))
+    if table is None or not table.cov:
+        return "uniform support"
+    kind = ", lognormal" if table.distribution == "lognormal" else ""
+    return f"support varies {100.0 * table.cov:g} %{kind}"
+
+
+def _rail(study: Study, variant: str) -> str:
+    """Whether the rail's bending spreads the load."""
+    share = build_rail_loads(study.track_table, study.variant(variant)).bending_share
+    return f"rail bending {share:g}" if share else ""
+
+
+def _cycles(kind: str, exponent: float | str | None) -> str:
+    """How load cycles count."""
+    if kind != "equivalent":
+        return f"cycles {kind.replace('_', ' ')}"
+    return f"equivalent axles, n {'by the law' if exponent == 'law' else f'= {exponent:g}'}"
 
 
 def differing(study: Study, variants: Sequence[str]) -> list[str]:
@@ -43,7 +75,7 @@ def told_apart(study: Study, variant: str, variants: Sequence[str]) -> str:
     """What ``variant`` assumes where the variants differ; of one alone, ground and stress."""
     subjects = differing(study, variants) or ["ground", "stress"]
     words = assumptions(study, variant)
-    return ", ".join(words[subject] for subject in subjects)
+    return ", ".join(words[subject] for subject in subjects if words[subject])
 
 
 def narrowed_by(answers: Answers) -> Iterator[str]:
@@ -51,8 +83,8 @@ def narrowed_by(answers: Answers) -> Iterator[str]:
     study = answers.study
     if len(answers.forms) < 2:
         yield FORMS
-    for subject in differing(study, answers.forms):
-        yield NARROWED_BY[subject]
+    differ = differing(study, answers.forms)
+    yield from (text for subject, text in NARROWED_BY.items() if subject in differ)
     unsettled = any(s.settled < len(s.effects) for s in answers.summaries.values())
     if unsettled and any("freight" in name for name in study.trains):
         yield DAMPING

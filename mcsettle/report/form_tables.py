@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import told_apart
 from mcsettle.report.charging import headline_unit
+from mcsettle.report.first_page import shown_scenarios
 from mcsettle.report.form_bars import form_bars
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Table
@@ -15,11 +16,12 @@ AT_ONCE = 4  # scenarios on one axis
 
 
 def form_blocks(material: Material) -> Iterator[Block]:
-    """The forms side by side for every scenario, the range over them, and the forms themselves."""
+    """The forms side by side where the first page has not all, the range over them, the forms."""
     answers = material.answers
     names = list(answers.summaries)
-    for first in range(0, len(names), AT_ONCE):
-        yield form_bars(material, names[first : first + AT_ONCE])
+    if shown_scenarios(answers) != names:  # the first page has no room for all
+        for first in range(0, len(names), AT_ONCE):
+            yield form_bars(material, names[first : first + AT_ONCE])
     yield _ranges(material)
     yield _forms(material)
 

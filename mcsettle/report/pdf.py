@@ -28,6 +28,7 @@ FOOTER = (
     '<div style="font-size: 7pt; width: 100%; text-align: center; color: #555555">'
     '<span class="pageNumber"></span> / <span class="totalPages"></span></div>'
 )
+TAG = re.compile(rb"\(node(\d{8})\)")
 DATE = re.compile(rb"/(CreationDate|ModDate) \(D:\d{14}")
 
 
@@ -93,4 +94,11 @@ def print_pdf(text: str) -> bytes:
             display_header_footer=True, header_template="<span></span>", footer_template=FOOTER,
         )  # fmt: skip
         program.close()
-    return DATE.sub(rb"/\1 (D:20000101000000", content)
+    return _numbered(DATE.sub(rb"/\1 (D:20000101000000", content))
+
+
+def _numbered(content: bytes) -> bytes:
+    """The tags' names counted from 1 in their order: the browser's own numbers differ each time."""
+    names = sorted(set(TAG.findall(content)))
+    rank = {name: b"%08d" % place for place, name in enumerate(names, 1)}
+    return TAG.sub(lambda found: b"(node" + rank[found[1]] + b")", content)
