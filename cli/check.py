@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcsettle.cli.options import StudyFile
-from mcsettle.cli.terminal import plainly, say, warn
+from mcsettle.cli.terminal import as_options, plainly, say, warn
 
 if TYPE_CHECKING:
     from mcsettle.study.study import Study
@@ -23,6 +23,8 @@ def check(
     from mcsettle.study.study import load_study, resolved_toml
 
     loaded = load_study(study)
+    for variant in loaded.variant_names:  # refused where a record has too few sections
+        loaded.initial_profiles(variant).sample(range(loaded.run.realisations)[-1:])
     warn_of(loaded)
     text = resolved_toml(loaded) if resolved else "\n".join(study_lines(loaded))
     say(text, resolved, nl=not resolved)
@@ -33,7 +35,7 @@ def warn_of(study: "Study") -> None:
     from mcsettle.run.factor_digest import factor_warnings
 
     for warning in (*study.warnings, *factor_warnings(study)):
-        warn(f"warning: {warning}")
+        warn(as_options(f"warning: {warning}"))
 
 
 def study_lines(study: "Study") -> Iterator[str]:

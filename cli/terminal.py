@@ -8,6 +8,7 @@ import functools
 import inspect
 import json
 import os
+import re
 import signal
 import sys
 import time
@@ -45,6 +46,9 @@ Quiet = Annotated[
 ]
 
 
+_PARAMETER = re.compile(r"\b(until|shard_size|scheduler|take_over|parameter_sets|threads)=")
+
+
 class _State:
     """What one command shares: whether it is quiet, and the bar that is on the terminal."""
 
@@ -56,6 +60,15 @@ def inform(message: str) -> None:
     """One message to the person at the terminal (stderr), unless they asked for quiet."""
     if not _State.quiet:
         warn(message)
+
+
+def as_options(message: str) -> str:
+    """``message`` of the model with its parameters written as this command's options.
+
+    >>> as_options("give a larger shard_size= or split the study")
+    'give a larger --shard-size or split the study'
+    """
+    return _PARAMETER.sub(lambda name: "--" + name[1].replace("_", "-"), message)
 
 
 def warn(message: str) -> None:
@@ -116,7 +129,7 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
         except BrokenPipeError:
             raise  # the reader of stdout has gone (`| head`): typer ends quietly
         except (InputError, MissingPrecomputationError, OSError) as error:
-            warn(f"mcsettle: {error}")
+            warn(as_options(f"mcsettle: {error}"))
             raise typer.Exit(BAD_INPUT) from None
         except NumericalError as error:
             warn(f"mcsettle: the computation failed: {error}")

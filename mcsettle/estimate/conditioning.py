@@ -66,13 +66,13 @@ class Conditioning:
         if not self.usable:
             return (
                 f"only {n:.1f} of {n_sets} parameter sets carry the weight: too few for conditioned "
-                "numbers. Take more sets (--parameter-sets), or let every set fit its settlement factor "
+                "numbers. Take more sets (parameter_sets=), or let every set fit its settlement factor "
                 "(fitted = true)"
             )
         if n < FEW:
             return (
                 f"{n:.1f} of {n_sets} parameter sets carry the weight (below {FEW:g}): conditioned "
-                "numbers are rough; more sets (--parameter-sets) make them better"
+                "numbers are rough; more sets (parameter_sets=) make them better"
             )
         return ""
 

@@ -44,7 +44,7 @@ def parse_scheduler(text: str) -> tuple[str, int | None]:
     if _ADDRESS.fullmatch(text):
         return text, None
     raise InputError(
-        f'--scheduler received "{text}"; it takes local, local:N (processes of this machine) or the '
+        f'scheduler= received "{text}"; it takes local, local:N (processes of this machine) or the '
         "address of a scheduler, such as tcp://host:8786"
     )
 
@@ -108,7 +108,7 @@ def _wants_distributed() -> None:
         import distributed  # noqa: F401
     except ImportError:
         raise InputError(
-            "--scheduler needs the extra 'distributed': pip install 'mcsettle[distributed]'"
+            "scheduler= needs the extra 'distributed': pip install 'mcsettle[distributed]'"
         ) from None
 
 

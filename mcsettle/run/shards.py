@@ -115,7 +115,7 @@ def all_shards(study: Study, size: int) -> list[Shard]:
     if n_shards(study, size) > MOST_SHARDS:
         raise InputError(
             f"the run has {n_shards(study, size)} shards of {size} realisations; at most "
-            f"{MOST_SHARDS} are kept in one folder: give a larger --shard-size or split the study"
+            f"{MOST_SHARDS} are kept in one folder: give a larger shard_size= or split the study"
         )
     for kind, names in (("variants", study.variant_names), ("scenarios", study.scenario_names)):
         _refuse_alike(kind, names)

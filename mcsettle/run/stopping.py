@@ -92,7 +92,7 @@ def parse_target(text: str) -> Target:
     metric = METRICS.get(found[1], found[1]) if found else ""
     if found is None or metric not in METRICS.values() or found[2] not in statistics:
         raise InputError(
-            f'--until received "{text}"; it takes METRIC STATISTIC PERCENT, such as '
+            f'until= received "{text}"; it takes METRIC STATISTIC PERCENT, such as '
             f'"tamping_interval median 2%". Metrics: {", ".join(METRICS)}; statistics: '
             f"{', '.join(dict.fromkeys(statistics))}"
         )
@@ -101,7 +101,7 @@ def parse_target(text: str) -> Target:
     except ValueError:
         tolerance = 0.0
     if not tolerance > 0.0:
-        raise InputError(f'--until received "{text}"; the percentage must be positive')
+        raise InputError(f'until= received "{text}"; the percentage must be positive')
     return Target(metric, found[2], tolerance)
 
 
@@ -125,7 +125,7 @@ def worst_error(rows: list[SummaryRow], target: Target) -> tuple[float | None, s
         if error > worst:
             worst, where = error, name
     if worst < 0.0:
-        raise InputError(f"--until: this study has no {target.metric} to estimate")
+        raise InputError(f"until=: this study has no {target.metric} to estimate")
     return worst, where
 
 

@@ -182,7 +182,7 @@ def _set_up(spec: RunSpec) -> WorkerState:
     except RuntimeError:
         raise InputError(
             f"a worker is to use {spec.threads} threads and has begun with another number; give "
-            "--threads that number, or start the workers again"
+            "threads= that number, or start the workers again"
         ) from None
     held = held_shards(at)
     options = RunOptions(threads=spec.threads, batch=spec.batch)

@@ -152,7 +152,7 @@ def _refuse_others(at: Place, me: Owner, take_over: bool) -> None:
         elif other.alone or me.alone:
             remedy = "wait for it, or stop it"
             if alive is None:
-                remedy += "; if it is gone for certain, give --take-over"
+                remedy += "; if it is gone for certain, give take_over="
             raise InputError(f"'{at}' is in use by {other}; {remedy}, or give another folder")
 
 

@@ -34,8 +34,18 @@ def refusal(origin: str, faults: Sequence[Fault]) -> InputError:
 
 
 def faults_of(error: ValidationError, model: type[BaseModel]) -> list[Fault]:
-    """Every fault pydantic found, in the order of the file's keys."""
-    return [_fault(entry, model) for entry in error.errors(include_url=False)]
+    """Every fault pydantic found, in the order of the file's keys; a misspelt key is not missing too."""
+    entries = error.errors(include_url=False)
+    meant = {
+        (*entry["loc"][:-1], nearest(str(entry["loc"][-1]), _keys_at(model, entry["loc"][:-1])))
+        for entry in entries
+        if entry["type"] == "extra_forbidden"
+    }
+    return [
+        _fault(entry, model)
+        for entry in entries
+        if entry["type"] != "missing" or entry["loc"] not in meant
+    ]
 
 
 def dotted(location: Iterable[str | int]) -> str:
@@ -49,10 +59,14 @@ def dotted(location: Iterable[str | int]) -> str:
 def suggestion(received: str, accepted: Iterable[str]) -> str:
     """What is accepted instead of ``received``, the nearest first when one is near."""
     names = list(accepted)
-    near = get_close_matches(received, names, n=1, cutoff=0.6)
-    if near:
-        return f"did you mean '{near[0]}'?"
+    if near := nearest(received, names):
+        return f"did you mean '{near}'?"
     return f"accepted: {', '.join(names)}" if names else "none is defined"
+
+
+def nearest(received: str, accepted: Iterable[str]) -> str:
+    """The accepted name that ``received`` is nearest to; empty where none is near."""
+    return next(iter(get_close_matches(received, list(accepted), n=1, cutoff=0.6)), "")
 
 
 def shown(value: Any) -> str:

@@ -5,41 +5,30 @@ objects of the model from them; it knows nothing of how a study is run.
 """
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
-import numpy as np
 import tomli_w
 from pydantic import PrivateAttr, ValidationError
 
-from mcsettle.economics import Change, speed_change, tonnage_change
-from mcsettle.errors import InputError
-from mcsettle.estimate.observation import Observation
 from mcsettle.railway.ground_profiles import Ground
 from mcsettle.railway.initial_profiles import InitialProfiles
 from mcsettle.railway.measured_profiles import Record
 from mcsettle.railway.scene import Scene
-from mcsettle.railway.softening_choices import SofteningSettings
-from mcsettle.railway.track import Track
-from mcsettle.railway.traffic import Timetable, Train
 from mcsettle.study.build import (
-    SettlementSettings,
-    build_softening,
-    build_timetable,
-    build_track,
     resolved_track,
     resolved_variant,
-    settlement_settings,
 )
-from mcsettle.study.build_trains import build_train, resolved_train
+from mcsettle.study.build_trains import resolved_train
+from mcsettle.study.checks.economics import unpriced_maintenance
 from mcsettle.study.checks.names import source_faults
 from mcsettle.study.checks.observed import observed_faults
 from mcsettle.study.checks.parts import parts_of, valid_parts
 from mcsettle.study.checks.together import faults_between, warnings_of
 from mcsettle.study.checks.uncertain import uncertain_faults
-from mcsettle.study.faults import Fault, faults_of, refusal, suggestion
+from mcsettle.study.faults import Fault, faults_of, refusal
 from mcsettle.study.input_files import (
     ground_remarks,
     grounds_with_digests,
@@ -50,33 +39,25 @@ from mcsettle.study.input_files import (
     record_remarks,
 )
 from mcsettle.study.library import expanded
+from mcsettle.study.objects import StudyObjects
 from mcsettle.study.read import parsed_toml, toml_data, with_tuples
 from mcsettle.study.scenes import (
     build_initial_profiles,
     build_scene,
-    profile_wavenumbers,
-    recorded_days,
     step_b_key,
 )
-from mcsettle.study.schema.economics import EconomicsTable
-from mcsettle.study.schema.study import StudyTables
-from mcsettle.study.schema.traffic import ScenarioTable
-from mcsettle.study.schema.uncertain import UncertainTable
-from mcsettle.study.schema.variants import VariantTable
 from mcsettle.study.uncertain import (
-    followers,
     has_uncertain_traffic,
     uncertain_settlement,
     with_values,
 )
 from mcsettle.study.written import study_data, study_digest
-from mcsettle.units import DAYS_PER_YEAR, MGT
 
 PARAMETER_SETS = 64  # of a study with uncertain inputs that does not say how many
 EMBANKMENT = {"ballast", "sub_ballast"}  # layers that stay where the ground is replaced
 
 
-class Study(StudyTables):
+class Study(StudyObjects):
     """One validated study. Tables keep the file's keys and units; builders return SI objects."""
 
     _folder: Path | None = PrivateAttr(default=None)  # what file names start from
@@ -96,28 +77,6 @@ class Study(StudyTables):
         if self.grounds_table is not None:
             return min(self.run.parameter_sets or len(self.grounds()), len(self.grounds()))
         return (self.run.parameter_sets or PARAMETER_SETS) if self.uncertain else 1
-
-    @property
-    def fitted(self) -> Mapping[str, UncertainTable]:
-        """Settlement factors that every parameter set fits to the observations, by variant."""
-        found: dict[str, UncertainTable] = {}
-        for entry in self.uncertain:
-            if entry.fitted:
-                found |= dict.fromkeys(followers(self.variants, entry.input), entry)
-        return found
-
-    @property
-    def observations(self) -> tuple[Observation, ...]:
-        """What was observed of the line."""
-        return tuple(entry.observation for entry in self.observed)
-
-    @cached_property
-    def trains(self) -> Mapping[str, Train]:
-        """Every train of the study by name."""
-        return {
-            name: build_train(name, table, self.vehicle_tables)
-            for name, table in self.train_tables.items()
-        }
 
     @cached_property
     def digest(self) -> str:
@@ -142,52 +101,6 @@ class Study(StudyTables):
             *ground_remarks(self.grounds_table, self.locate),
         )
 
-    def variant(self, name: str) -> VariantTable:
-        """The variant ``name``.
-
-        Raises
-        ------
-        InputError
-            No such variant.
-        """
-        return _named(name, "variant", self.variants)
-
-    def scenario(self, name: str) -> ScenarioTable:
-        """The scenario ``name``.
-
-        Raises
-        ------
-        InputError
-            No such scenario.
-        """
-        return _named(name, "scenario", self.scenarios)
-
-    def track(self, variant: str | None = None) -> Track:
-        """The track of ``variant`` (None: without any variant's layers)."""
-        return build_track(self.track_table, None if variant is None else self.variant(variant))
-
-    def softening(self, variant: str | None = None) -> SofteningSettings | None:
-        """How the layers of ``variant``'s track soften; None where the soil is linear."""
-        table = None if variant is None else self.variant(variant)
-        return build_softening(self.track_table, table)
-
-    def timetable(self, scenario: str, variant: str | None = None) -> Timetable:
-        """The ordered day of ``scenario``, its trains as ``variant`` reads them (None: as they are)."""
-        trains = dict(self.trains)
-        for name, table in ({} if variant is None else self.variant(variant).trains).items():
-            own = self.train_tables[name].model_copy(update=table.model_dump())
-            trains[name] = build_train(name, own, self.vehicle_tables)
-        return build_timetable(self.scenario(scenario), trains)
-
-    @property
-    def reference_scenario(self) -> str:
-        """Scenario whose first service is the reference of equivalent cycles: the baseline."""
-        return self.scenario_names[0] if self.economics is None else self.economics.baseline
-
-    def settlement_settings(self, variant: str) -> SettlementSettings:
-        """The settlement settings of ``variant``, its overrides applied."""
-        return settlement_settings(self.settlement, self.variant(variant))
-
     def scene(self, variant: str, scenario: str) -> Scene:
         """All that Steps A and B need of one variant and scenario."""
         return build_scene(self, variant, scenario)
@@ -204,40 +117,6 @@ class Study(StudyTables):
     def initial_profiles(self, variant: str | None = None) -> InitialProfiles:
         """Where the initial profiles of ``variant`` come from (None: as the study says)."""
         return build_initial_profiles(self, variant)
-
-    @property
-    def wavenumbers(self) -> np.ndarray:
-        """Wavenumbers [K] rad/m of the profile's modes."""
-        return profile_wavenumbers(self)
-
-    @property
-    def sample_days(self) -> np.ndarray:
-        """Days [H] on which the SD is recorded: those of the run, the start and the first year."""
-        return recorded_days(self)
-
-    def mgt_per_day(self, scenario: str) -> float:
-        """Gross tonnage of ``scenario`` a day [MGT]: its own figure or its trains' sum."""
-        given = self.scenario(scenario).mgt_per_day
-        return given or self.timetable(scenario).mass_per_day / MGT
-
-    def mgt_per_year(self, scenario: str) -> float:
-        """Gross tonnage of ``scenario`` a year [MGT]: its own figure or 365 of its days."""
-        given = self.scenario(scenario).mgt_per_year
-        return given or self.mgt_per_day(scenario) * DAYS_PER_YEAR
-
-    def change(self, scenario: str) -> Change | None:
-        """What ``scenario`` changes against the baseline; None for the baseline."""
-        economics = self.priced
-        if economics is None or scenario == economics.baseline:
-            return None
-        table = self.scenario(scenario)
-        if economics.effect == "speed":
-            speed = table.timetable[0].speed_kmh
-            trains = economics.trains_thousand_per_year or 0.0
-            return speed_change(economics.base_speed_kmh or 0.0, speed, trains)
-        base = economics.mgt_per_day or 0.0
-        added = self.mgt_per_day(scenario) - self.mgt_per_day(economics.baseline)
-        return tonnage_change(base, base + added, table.mgt_per_year)
 
     def with_run(
         self,
@@ -331,6 +210,7 @@ class Study(StudyTables):
         accept = partial(type(self).from_mapping, folder=self._folder)
         return [
             *source_faults(data, self.sources),
+            *unpriced_maintenance(self),
             *observed_faults(self),
             *uncertain_faults(self, data, accept),
         ]
@@ -400,20 +280,6 @@ class Study(StudyTables):
         """SHA-256 [hex] of the study whatever its tracks: its reports and pictures are marked with it."""
         return study_digest(self.model_copy(update={"seed": 0}), bool(self.fitted))
 
-    @property
-    def priced(self) -> EconomicsTable | None:
-        """The economics with base speed, trains a year and tonnage a day from the baseline."""
-        if self.economics is None:
-            return None
-        timetable = self.timetable(self.economics.baseline)
-        own = self.economics.model_dump(exclude_none=True)
-        defaults = {
-            "base_speed_kmh": self.scenario(self.economics.baseline).timetable[0].speed_kmh,
-            "trains_thousand_per_year": timetable.trains_per_day * DAYS_PER_YEAR / 1000.0,
-            "mgt_per_day": self.mgt_per_day(self.economics.baseline),
-        }
-        return EconomicsTable.model_validate(defaults | own)
-
 
 def load_study(path: str | os.PathLike[str]) -> Study:
     """Read, validate and complete the study file at ``path``.
@@ -448,13 +314,3 @@ def resolved_toml(study: Study, files: Mapping[str, str] | None = None) -> str:
         table, _, key = path.partition(".")
         data[table][key] = name
     return tomli_w.dumps(data)
-
-
-Named = TypeVar("Named", ScenarioTable, VariantTable)
-
-
-def _named(name: str, kind: str, tables: Iterable[Named]) -> Named:
-    found = {table.name: table for table in tables}
-    if name not in found:
-        raise InputError(f"'{name}' is no {kind} of this study; {suggestion(name, found)}")
-    return found[name]

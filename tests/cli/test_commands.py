@@ -99,6 +99,12 @@ def test_a_bar_on_a_terminal_takes_no_colour_where_none_is_wanted(
     assert ("\x1b[3" in screen.getvalue()) == colours
 
 
+def test_parameters_of_the_model_are_options_on_the_terminal(tmp_path: Path) -> None:
+    done = invoke("run", TOY, "--out", tmp_path / "out", "--until", "nonsense")
+    assert 'mcsettle: --until received "nonsense"' in done.stderr
+    assert "until=" not in done.stderr
+
+
 # --- init, check, schema --------------------------------------------------------------------
 
 

@@ -71,7 +71,7 @@ def in_process(here, monkeypatch):
     "text", ["", "local:0", "local:x", "host:8786", "tcp://host", "http://a:1"]
 )
 def test_scheduler_is_local_or_an_address(text):
-    with pytest.raises(InputError, match="--scheduler received"):
+    with pytest.raises(InputError, match="scheduler= received"):
         cluster.parse_scheduler(text)
 
 

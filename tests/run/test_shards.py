@@ -307,7 +307,7 @@ def others() -> dict[str, lock.Owner]:
 @pytest.mark.parametrize("kind", others())
 def test_a_lock_that_cannot_be_told_stays_until_it_is_taken_over(tmp_path, kind):
     path = put(tmp_path, others()[kind], unlocked=kind == "a machine of the same name")
-    refused = pytest.raises(InputError, match=r"in use by process 1 on .*--take-over")
+    refused = pytest.raises(InputError, match=r"in use by process 1 on .*take_over=")
     with refused, lock.held(place(tmp_path), "run"):
         raise AssertionError
     assert len(lock.owners(place(tmp_path))) == 1

@@ -40,7 +40,7 @@ def test_targets(text, target):
      "elasticity mean 1.2.3%"],
 )  # fmt: skip
 def test_what_is_no_target(text):
-    with pytest.raises(InputError, match="--until received"):
+    with pytest.raises(InputError, match="until= received"):
         parse_target(text)
 
 

@@ -612,3 +612,26 @@ def test_variants_cross_model_forms() -> None:
 def test_model_forms_without_meaning_are_refused(change, path) -> None:
     with pytest.raises(InputError, match=re.escape(path)):
         Study.from_mapping(sound() | change)
+
+
+def test_a_misspelt_table_is_not_missing_too(toy_path: Path, tmp_path: Path) -> None:
+    text = toy_path.read_text(encoding="utf-8")
+    path = tmp_path / "study.toml"
+    path.write_text(
+        text.replace("[limit]", "[limits]").replace("[[scenarios]]", "[[scenario]]"), "utf-8"
+    )
+    with pytest.raises(InputError) as refused:
+        load_study(path)
+    assert str(refused.value).splitlines()[1:] == [
+        "  limits: is not a key here; did you mean 'limit'?",
+        "  scenario: is not a key here; did you mean 'scenarios'?",
+    ]
+
+
+def test_a_maintenance_without_prices_is_refused(toy_path: Path) -> None:
+    data = tomllib.loads(toy_path.read_text(encoding="utf-8"))
+    data["maintenance"] = {"recovery": "perfect"}
+    Study.from_mapping(data)
+    del data["economics"]
+    with pytest.raises(InputError, match=r"maintenance: has no meaning without \[economics\]"):
+        Study.from_mapping(data)

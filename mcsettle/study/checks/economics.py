@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from mcsettle.study.checks.parts import Parts
 from mcsettle.study.checks.traffic import is_buildable, tonnage
 from mcsettle.study.faults import Fault, dotted
+from mcsettle.study.schema.study import StudyTables
 
 
 def economics_faults(parts: Parts) -> Iterator[Fault]:
@@ -52,3 +53,9 @@ def maintenance_faults(parts: Parts) -> Iterator[Fault]:
             )
     if parts.run is not None and parts.run.stepping != "cycle_jump":
         yield Fault("maintenance", "takes [run] stepping = 'cycle_jump'")
+
+
+def unpriced_maintenance(study: StudyTables) -> Iterator[Fault]:
+    """A maintenance life whose tampings have no price."""
+    if study.maintenance is not None and study.economics is None:
+        yield Fault("maintenance", "has no meaning without [economics]; give it, or leave this out")

@@ -55,7 +55,7 @@ def _duplicates(
 def _unknown(
     path: str, kind: str, name: str, known: list[str] | tuple[str, ...]
 ) -> Iterator[Fault]:
-    if name not in known:
+    if known and name not in known:  # a study without any is refused for that
         yield Fault(
             path, f"received {shown(name)}, which is no {kind} here; {suggestion(name, known)}"
         )

@@ -1,0 +1,166 @@
+"""What the tables of a study mean: its track, trains, timetables, prices, as objects in SI."""
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from mcsettle.economics import Change, speed_change, tonnage_change
+from mcsettle.errors import InputError
+from mcsettle.estimate.observation import Observation
+from mcsettle.railway.softening_choices import SofteningSettings
+from mcsettle.railway.track import Track
+from mcsettle.railway.traffic import Timetable, Train
+from mcsettle.study.build import (
+    SettlementSettings,
+    build_softening,
+    build_timetable,
+    build_track,
+    settlement_settings,
+)
+from mcsettle.study.build_trains import build_train
+from mcsettle.study.faults import suggestion
+from mcsettle.study.scenes import (
+    profile_wavenumbers,
+    recorded_days,
+)
+from mcsettle.study.schema.economics import EconomicsTable
+from mcsettle.study.schema.study import StudyTables
+from mcsettle.study.schema.traffic import ScenarioTable
+from mcsettle.study.schema.uncertain import UncertainTable
+from mcsettle.study.schema.variants import VariantTable
+from mcsettle.study.uncertain import (
+    followers,
+)
+from mcsettle.units import DAYS_PER_YEAR, MGT
+
+
+class StudyObjects(StudyTables):
+    """The tables of a study and the objects of the model that they describe."""
+
+    @property
+    def fitted(self) -> Mapping[str, UncertainTable]:
+        """Settlement factors that every parameter set fits to the observations, by variant."""
+        found: dict[str, UncertainTable] = {}
+        for entry in self.uncertain:
+            if entry.fitted:
+                found |= dict.fromkeys(followers(self.variants, entry.input), entry)
+        return found
+
+    @property
+    def observations(self) -> tuple[Observation, ...]:
+        """What was observed of the line."""
+        return tuple(entry.observation for entry in self.observed)
+
+    @cached_property
+    def trains(self) -> Mapping[str, Train]:
+        """Every train of the study by name."""
+        return {
+            name: build_train(name, table, self.vehicle_tables)
+            for name, table in self.train_tables.items()
+        }
+
+    def variant(self, name: str) -> VariantTable:
+        """The variant ``name``.
+
+        Raises
+        ------
+        InputError
+            No such variant.
+        """
+        return _named(name, "variant", self.variants)
+
+    def scenario(self, name: str) -> ScenarioTable:
+        """The scenario ``name``.
+
+        Raises
+        ------
+        InputError
+            No such scenario.
+        """
+        return _named(name, "scenario", self.scenarios)
+
+    def track(self, variant: str | None = None) -> Track:
+        """The track of ``variant`` (None: without any variant's layers)."""
+        return build_track(self.track_table, None if variant is None else self.variant(variant))
+
+    def softening(self, variant: str | None = None) -> SofteningSettings | None:
+        """How the layers of ``variant``'s track soften; None where the soil is linear."""
+        table = None if variant is None else self.variant(variant)
+        return build_softening(self.track_table, table)
+
+    def timetable(self, scenario: str, variant: str | None = None) -> Timetable:
+        """The ordered day of ``scenario``, its trains as ``variant`` reads them (None: as they are)."""
+        trains = dict(self.trains)
+        for name, table in ({} if variant is None else self.variant(variant).trains).items():
+            own = self.train_tables[name].model_copy(update=table.model_dump())
+            trains[name] = build_train(name, own, self.vehicle_tables)
+        return build_timetable(self.scenario(scenario), trains)
+
+    @property
+    def reference_scenario(self) -> str:
+        """Scenario whose first service is the reference of equivalent cycles: the baseline."""
+        return self.scenario_names[0] if self.economics is None else self.economics.baseline
+
+    def settlement_settings(self, variant: str) -> SettlementSettings:
+        """The settlement settings of ``variant``, its overrides applied."""
+        return settlement_settings(self.settlement, self.variant(variant))
+
+    @property
+    def wavenumbers(self) -> np.ndarray:
+        """Wavenumbers [K] rad/m of the profile's modes."""
+        return profile_wavenumbers(self)
+
+    @property
+    def sample_days(self) -> np.ndarray:
+        """Days [H] on which the SD is recorded: those of the run, the start and the first year."""
+        return recorded_days(self)
+
+    def mgt_per_day(self, scenario: str) -> float:
+        """Gross tonnage of ``scenario`` a day [MGT]: its own figure or its trains' sum."""
+        given = self.scenario(scenario).mgt_per_day
+        return given or self.timetable(scenario).mass_per_day / MGT
+
+    def mgt_per_year(self, scenario: str) -> float:
+        """Gross tonnage of ``scenario`` a year [MGT]: its own figure or 365 of its days."""
+        given = self.scenario(scenario).mgt_per_year
+        return given or self.mgt_per_day(scenario) * DAYS_PER_YEAR
+
+    def change(self, scenario: str) -> Change | None:
+        """What ``scenario`` changes against the baseline; None for the baseline."""
+        economics = self.priced
+        if economics is None or scenario == economics.baseline:
+            return None
+        table = self.scenario(scenario)
+        if economics.effect == "speed":
+            speed = table.timetable[0].speed_kmh
+            trains = economics.trains_thousand_per_year or 0.0
+            return speed_change(economics.base_speed_kmh or 0.0, speed, trains)
+        base = economics.mgt_per_day or 0.0
+        added = self.mgt_per_day(scenario) - self.mgt_per_day(economics.baseline)
+        return tonnage_change(base, base + added, table.mgt_per_year)
+
+    @property
+    def priced(self) -> EconomicsTable | None:
+        """The economics with base speed, trains a year and tonnage a day from the baseline."""
+        if self.economics is None:
+            return None
+        timetable = self.timetable(self.economics.baseline)
+        own = self.economics.model_dump(exclude_none=True)
+        defaults = {
+            "base_speed_kmh": self.scenario(self.economics.baseline).timetable[0].speed_kmh,
+            "trains_thousand_per_year": timetable.trains_per_day * DAYS_PER_YEAR / 1000.0,
+            "mgt_per_day": self.mgt_per_day(self.economics.baseline),
+        }
+        return EconomicsTable.model_validate(defaults | own)
+
+
+Named = TypeVar("Named", ScenarioTable, VariantTable)
+
+
+def _named(name: str, kind: str, tables: Iterable[Named]) -> Named:
+    found = {table.name: table for table in tables}
+    if name not in found:
+        raise InputError(f"'{name}' is no {kind} of this study; {suggestion(name, found)}")
+    return found[name]
