@@ -9,6 +9,7 @@ from mcsettle.railway.initial_profiles import InitialProfiles, MeasuredSections
 from mcsettle.railway.irregularity import profile_modes, wavenumbers
 from mcsettle.railway.scene import Scene
 from mcsettle.study.build_forms import build_rail_loads, build_support
+from mcsettle.study.schema.study import StudyTables
 from mcsettle.units import DAYS_PER_YEAR, MM
 
 if TYPE_CHECKING:
@@ -60,13 +61,13 @@ def build_initial_profiles(study: "Study", variant: str | None = None) -> Initia
     )
 
 
-def profile_wavenumbers(study: "Study") -> np.ndarray:
+def profile_wavenumbers(study: StudyTables) -> np.ndarray:
     """Wavenumbers [K] rad/m of the profile's modes."""
     profile = study.profile
     return wavenumbers(profile.window_m, profile.shortest_m, profile.longest_m)
 
 
-def recorded_days(study: "Study") -> np.ndarray:
+def recorded_days(study: StudyTables) -> np.ndarray:
     """Days [H] on which the SD is recorded: the study's, the start and the first year."""
     days = {0.0, DAYS_PER_YEAR, *study.run.history_days}
     return np.array(sorted(day for day in days if day <= study.limit.horizon_days))
