@@ -17,6 +17,7 @@ from mcsettle.report.price_words import (
     price_places,
     question,
     scaled_unit,
+    span,
     tamped_on,
 )
 from mcsettle.report.words import cut
@@ -68,11 +69,13 @@ def _size(results: "Results", answers: "Answers") -> str:
     tracks = int(results.realisations["realisation"].nunique())
     sets = int(results.realisations["parameter_set"].nunique())
     n, study = len(answers.forms), answers.study
-    parts = [f"{tracks} sections{f' × {sets} parameter sets' if sets > 1 else ''} in each scenario"]
+    sections = f"{tracks} section{'s' if tracks > 1 else ''}"
+    sections += f" × {sets} parameter sets" if sets > 1 else ""
+    parts = [f"{sections} in each scenario"]
     parts += [f"{n} model form{'s' if n > 1 else ''}", f"seed {study.seed}"]
     if study.economics is not None:
         year = study.economics.price_base_year
-        parts.append(currency_of(study) + (f" of {year}" if year else ", price base not stated"))
+        parts.append(currency_of(study) + (f" of {year}" if year else ", base year unknown"))
     return " · ".join(parts)
 
 
@@ -140,7 +143,7 @@ def _intervals(answers: "Answers", width: int, most: int) -> Iterator[str]:
                 cut(name, 14),
                 study.scenario(name).title or "",
                 f"{middle} ({month})" if month else middle,
-                f"{low} to {high}",
+                span(low, high),
                 "" if effect is None else interval_change(effect),
             )
         )
@@ -161,9 +164,10 @@ def _next(answers: "Answers", width: int) -> Iterator[str]:
 def _money(answers: "Answers", units: "dict[str, PriceUnit]") -> Money:
     """The money in which every price of the screen is written."""
     amounts = [
-        effect.price.value * units[name].factor
+        amount * units[name].factor
         for (_, name), effect in answers.effects.items()
-        if name in units and effect.price.value is not None
+        for amount in (effect.price.value, effect.at_most)
+        if name in units and amount is not None
     ]
     return money_for(currency_of(answers.study), amounts)
 

@@ -8,7 +8,7 @@ from mcsettle.report.form_bars import MOST_LINES, form_bars
 from mcsettle.report.material import Material
 from mcsettle.report.money import currency_of, symbol
 from mcsettle.report.page import Block, Bullets, Columns, Lead, Table, Text
-from mcsettle.report.price_words import answer_sentence, interval_change, prices, tamped_on
+from mcsettle.report.price_words import answer_sentence, interval_change, prices, span, tamped_on
 from mcsettle.report.words import cut
 from mcsettle.summary.answers import Answers
 
@@ -21,7 +21,7 @@ def scope(material: Material) -> str:
     study, n = material.study, len(material.answers.forms)
     sets = f" × {material.n_sets} parameter sets" if material.n_sets > 1 else ""
     parts = [
-        f"{material.n_tracks} track sections{sets} in each scenario",
+        f"{material.n_tracks} track section{'s' if material.n_tracks > 1 else ''}{sets} in each scenario",
         f"{n} model form{'s' if n > 1 else ''}",
         f"seed {study.seed}",
     ]
@@ -72,7 +72,7 @@ def interval_table(material: Material) -> Table:
         effect = answers.effect(scenario)
         change = "" if effect is None else interval_change(effect)
         date = tamped_on(material.study, found.median.value)
-        rows.append((cut(scenario, 20), middle, date, f"{low} to {high}", change))
+        rows.append((cut(scenario, 20), middle, date, span(low, high), change))
     head = ("", "days", "month", "half of the sections", "change")
     kept = [i for i in range(len(head)) if i in (0, 1, 3) or any(row[i] for row in rows)]
     columns = tuple(head[i] for i in kept)

@@ -74,9 +74,10 @@ def _units(material: Material, scenarios: list[str]) -> tuple[str, str, dict[str
     study, answers = material.study, material.answers
     units = {name: headline_unit(study, name, material.miles) for name in scenarios}
     prices = [
-        effect.price.value * units[name].factor
+        amount * units[name].factor
         for (_, name), effect in answers.effects.items()
-        if name in units and effect.price.value is not None
+        for amount in (effect.price.value, effect.at_most)
+        if name in units and amount is not None
     ]
     money = money_for(currency_of(study), prices)
     scaled = {name: scaled_unit(unit, money.scale) for name, unit in units.items()}

@@ -136,6 +136,15 @@ def tamped_on(study: Study, days: float | None) -> str:
     return (start + timedelta(days=days)).strftime("%Y-%m")
 
 
+def span(low: str, high: str) -> str:
+    """Two ends in words, once where they are the same.
+
+    >>> span("3", "5"), span("> 548", "> 548")
+    ('3 to 5', '> 548')
+    """
+    return low if low == high else f"{low} to {high}"
+
+
 def sections_words(effect: FormEffect, unit: PriceUnit, places: int | None) -> str:
     """P5 to P95 of the price between single sections; open where the censored ones decide an end."""
     ends = [
@@ -145,7 +154,7 @@ def sections_words(effect: FormEffect, unit: PriceUnit, places: int | None) -> s
         ends.reverse()
     places = None if places is None else max(places - 1, 0)
     low, high = (number(end, places, "open") for end in ends)
-    return low if low == high else f"{low} to {high}"
+    return span(low, high)
 
 
 def sign_words(effect: FormEffect) -> str:

@@ -75,3 +75,23 @@ def test_every_number_at_eighty_columns_keeps_its_digits(
     assert "…" not in text
     assert max(map(len, text.split("\n"))) <= COLUMNS
     assert "marginal_cost" in text
+
+
+@pytest.mark.parametrize("days", [[697.0], [np.nan] * 5], ids=["one", "never"])
+def test_few_and_censored_sections(tmp_path: Path, days) -> None:
+    folder = made_run.write(tmp_path / "run", made_run.study(), {"v201": days, "v225": days})
+    text = said(folder)
+    assert "1 sections" not in text
+    assert not re.search(r"\b(nan|inf|None)\b|e−", text)
+    if len(days) > 1:
+        assert "0 of 5 pairs of sections reach the limit in 50 years" in text
+        assert re.search(r"v201 .* > 18250 +> 18250$", text, re.MULTILINE)
+
+
+def test_without_prices_there_are_intervals(tmp_path: Path) -> None:
+    scenarios = [s.model_dump(exclude_none=True) for s in made_run.study().scenarios[:1]]
+    made = made_run.study(economics=None, scenarios=scenarios)
+    text = said(made_run.write(tmp_path / "run", made, {"v201": DAYS}))
+    assert "How long until the track must be tamped?" in text
+    assert "600 to 800" in text
+    assert "supported" not in text
