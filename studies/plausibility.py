@@ -40,12 +40,12 @@ MEASURED = {
     "settlement factor": "1",
     "growth of SD in the first year, mm": "0.24, the paper's [1]",
     "spread of rates between sections, log-SD": "0.76, second hand [2]; lognormal, verified [3]",
-    "rate, exponent of the axle load": "2.5, verified [4]; 3 [5] and 1.49 [6], second hand",
-    "rate, exponent of the speed": "0.64, second hand [6]",
+    "rate, exponent of the axle load": "2.5, verified [4]; 3 and 1.49, not found [5, 6]",
+    "rate, exponent of the speed": "0.64, not found [6]",
     "rate, elasticity on the initial SD": "above 0, verified [7]; 0, second hand [2]",
     "the same, the support as it was": "as above",
     "T × MGT, two freight trains over none": "1.00, the paper's [1]",
-    "differential over uniform settlement": "0.1 to 0.25, not found [8]; uniform is its proxy [9]",
+    "differential over uniform settlement": "0.1 to 0.25, not found [8]; see [9]",
     "increments before and after tamping, correlation": "above 0, verified; no number [10, 11]",
 }
 NO_LIMIT = 1.0  # m: rates of a year do not end at the tamping limit
