@@ -22,6 +22,9 @@ class Case:
     ``multipliers`` [F, L] of each field of susceptibility in each track layer (None: the support does not
     vary); ``following`` [K] the part of the settlement that the rail follows (None: all of it).
     ``severity``: for each service what its axles count in each settlement group, [J, G] (None: 1).
+    ``counted`` and ``settling``: for each service whether its axles advance the cycles N, and whether
+    they settle the track (None: all do); a service that does neither is absent. The cycle jump alone
+    takes them, and its days are then of traffic spread evenly over the day.
     """
 
     timetable: Timetable
@@ -33,10 +36,29 @@ class Case:
     multipliers: np.ndarray | None = None
     following: np.ndarray | None = None
     severity: tuple[np.ndarray, ...] | None = None
+    counted: tuple[bool, ...] | None = None
+    settling: tuple[bool, ...] | None = None
 
     def __post_init__(self) -> None:
-        if len(self.transfers) != len(self.timetable.services):
+        n = len(self.timetable.services)
+        if len(self.transfers) != n:
             raise ValueError("a case needs one set of transfer functions per service")
+        for flags in (self.counted, self.settling):
+            if flags is not None and (len(flags) != n or not any(flags)):
+                raise ValueError(f"{flags} for {n} services; one flag each, and one of them set")
+
+    @property
+    def is_split(self) -> bool:
+        """Whether some service only counts, only settles, or is absent."""
+        return self.counted is not None or self.settling is not None
+
+    @property
+    def daily_passages(self) -> tuple[int, ...]:
+        """Axle passages of each service in a day, none where it is absent."""
+        services = self.timetable.services
+        every = (True,) * len(services)
+        flags = zip(services, self.counted or every, self.settling or every, strict=True)
+        return tuple(s.per_day * s.train.n_axles if c or w else 0 for s, c, w in flags)
 
     @property
     def wavenumbers(self) -> np.ndarray:

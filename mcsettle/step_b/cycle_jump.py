@@ -96,7 +96,8 @@ def _integrated(
 ) -> Outcome:
     model = case.model
     before = min(model.cycles_before(law) for law in model.group_laws)
-    scale = before / (model.cycles_per_passage * case.timetable.passages_per_day)
+    passages_per_day = sum(case.daily_passages)
+    scale = before / (model.cycles_per_passage * passages_per_day)
     factors = np.ones(len(amplitudes)) if factor is None else np.asarray(factor, dtype=float)
     if support.factor is not None:
         factors = factors * support.factor
@@ -115,7 +116,8 @@ def _integrated(
     samples = np.log1p(sample_days / scale)
     path = integrate(rate, state, end, case.sd_limit, measure, samples, tolerance)
     day = scale * np.expm1(path.time)
-    if len(case.timetable.services) > 1 and path.reached.any():
+    ordered = len(case.timetable.services) > 1 and not case.is_split
+    if ordered and path.reached.any():
         at = np.flatnonzero(path.reached)
         day[at] = _in_timetable_order(
             case, growth, path.state[at, :-1], day[at], measure, before_tamping[at], support[at]
@@ -124,7 +126,7 @@ def _integrated(
         reached=path.reached,
         failed=path.failed,
         days=np.where(path.reached, day, np.nan),
-        passages=np.rint(day * case.timetable.passages_per_day).astype(np.int64),
+        passages=np.rint(day * passages_per_day).astype(np.int64),
         sd_initial=measure.sd(amplitudes),
         sd_final=measure.sd(path.state[:, :-1]),
         mean_settlement=path.state[:, -1].real,

@@ -16,7 +16,8 @@ def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0
     tamping renews the ballast's count alone.
 
     A service meets the N of the middle of its block in the day: its offset from the middle of the day's
-    count keeps the order of the timetable to second order in a day's share of N.
+    count keeps the order of the timetable to second order in a day's share of N. Where services only
+    count or only settle, all meet the middle of the day.
     """
     model, day = case.model, np.asarray(day, dtype=float)
     daily = daily_counts(case)
@@ -26,6 +27,8 @@ def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0
             axles = daily[:, g]
             counted = np.where(counted_with(case, s), axles, 0.0)
             offset = counted[:s].sum() + 0.5 * axles[s] - 0.5 * counted.sum()
+            if case.is_split:
+                offset = 0.0
             before = model.cycles_before(law)
             since = day if isinstance(law, BallastLaw) else day + ground_days
             gone = model.cycles_per_passage * (counted.sum() * since + offset)
@@ -36,7 +39,8 @@ def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0
 def daily_counts(case: Case) -> np.ndarray:
     """Axles [S, G] that each service adds to the count of each group in a day."""
     services = case.timetable.services
-    return np.stack([s.per_day * _severity(case, i).sum(axis=0) for i, s in enumerate(services)])
+    daily = np.stack([s.per_day * _severity(case, i).sum(axis=0) for i, s in enumerate(services)])
+    return daily if case.counted is None else np.where(np.array(case.counted)[:, None], daily, 0.0)
 
 
 def counted_with(case: Case, service: int) -> np.ndarray:
@@ -53,7 +57,10 @@ def daily_weights(case: Case, day: np.ndarray, ground_days: np.ndarray | float =
     """
     model = case.model
     laws = model.group_laws * len(case.timetable.services)
-    daily = np.repeat([s.per_day for s in case.timetable.services], len(model.group_laws))
+    trains = [s.per_day for s in case.timetable.services]
+    if case.settling is not None:
+        trains = [n if settles else 0 for n, settles in zip(trains, case.settling, strict=True)]
+    daily = np.repeat(trains, len(model.group_laws))
     cycles = cycles_at(case, day, ground_days)
     rates = [
         cycle_rate(law, n, long_run_rate(law, model)) * d

@@ -224,6 +224,8 @@ class Stepwise:
         from mcsettle.kernels import runtime
 
         runtime.start()
+        if case.is_split:
+            raise ValueError("services that only count or only settle take stepping 'cycle_jump'")
         self.case, self.measure = case, roughness(case.wavenumbers, case.window)
         if self.measure.basis is not None:
             raise ValueError(

@@ -1,0 +1,90 @@
+"""Services that only count or only settle, in the cycle jump."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import toy
+
+from mcsettle.railway.track import PowerLaw
+from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.step_b.cycles import cycles_at, daily_weights
+from mcsettle.step_b.engine import engine_for
+
+ADDED = (("passenger", 30), ("freight", 40))
+
+
+def days(case) -> np.ndarray:
+    return CycleJump(case).run(toy.profiles(range(8)), np.zeros(0)).days
+
+
+def test_flags_that_are_all_set_change_no_bit():
+    case = toy.case(ADDED[:1])
+    flagged = replace(case, counted=(True,), settling=(True,))
+    run, same = (CycleJump(c).run(toy.profiles(range(4)), np.zeros(0)) for c in (case, flagged))
+    for name in ("days", "amplitudes", "mean_settlement", "passages", "steps"):
+        np.testing.assert_array_equal(getattr(run, name), getattr(same, name))
+
+
+@pytest.mark.parametrize("cycles", ["shared", "per_vehicle"])
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_service_that_neither_settles_nor_counts_is_absent(place, cycles):
+    """Wherever it stands in the day."""
+    flags = (False, True) if place == 0 else (True, False)
+    services = (("freight", 40), ("passenger", 30)) if place == 0 else ADDED
+    off = replace(toy.case(services, cycles=cycles), counted=flags, settling=flags)
+    without = days(toy.case((("passenger", 30),), cycles=cycles))
+    np.testing.assert_allclose(days(off), without, rtol=1e-12)
+
+
+def test_hardening_alone_is_n_that_counts_more():
+    """The growth of the others is that of a count that runs faster."""
+    case = replace(toy.case((("car", 30), ("car", 60))), settling=(True, False))
+    faster = toy.case((("car", 30),), cycles_per_passage=3.0, settlement_factor=toy.FACTOR / 3.0)
+    day = np.array([3.5, 40.5])
+    weights = daily_weights(case, day)
+    n = len(case.model.group_laws)
+    np.testing.assert_array_equal(weights[:, n:], 0.0)
+    np.testing.assert_allclose(weights[:, :n], daily_weights(faster, day), rtol=1e-12)
+    np.testing.assert_allclose(days(case), days(faster), rtol=1e-5)
+
+
+def test_roughening_alone_leaves_the_count():
+    case = toy.case(ADDED)
+    alone = replace(case, counted=(True, False))
+    n = len(case.model.group_laws)
+    np.testing.assert_allclose(
+        cycles_at(alone, np.array([20.0]))[:n], cycles_at(toy.case(ADDED[:1]), np.array([20.0]))
+    )
+
+
+def test_identical_trains_split_into_a_sooner_and_a_later_tamping():
+    """One more of 72 trains: days times 72/73; by its cycles alone later, by its axles alone sooner."""
+    services = (("car", 72), ("car", 1))
+    every = (True, True)
+    base, both = days(toy.case(services[:1])), days(replace(toy.case(services), counted=every))
+    np.testing.assert_allclose(both / base, 72 / 73, rtol=1e-5)
+    later = days(replace(toy.case(services), settling=(True, False)))
+    sooner = days(replace(toy.case(services), counted=(True, False)))
+    assert (sooner < both).all()
+    assert (both < base).all()
+    assert (base < later).all()
+
+
+def test_a_law_linear_in_n_does_not_harden():
+    laws = tuple(PowerLaw(1e-3, 0.9999, 2.0, 1e5) if law is not None else None for law in toy.LAWS)
+    case = toy.case((("car", 72), ("car", 20)), laws=laws, horizon=1e5)
+    base = days(replace(case, counted=(True, False), settling=(True, False)))
+    np.testing.assert_allclose(days(replace(case, settling=(True, False))), base, rtol=1e-3)
+
+
+def test_updates_passage_by_passage_refuse_the_flags():
+    case = replace(toy.case(ADDED), counted=(True, False))
+    with pytest.raises(ValueError, match="cycle_jump"):
+        engine_for(case, "every_axle")
+
+
+@pytest.mark.parametrize("flags", [(True,), (False, False)])
+def test_flags_are_one_a_service_and_not_all_off(flags):
+    with pytest.raises(ValueError, match="2 services"):
+        replace(toy.case(ADDED), counted=flags)
