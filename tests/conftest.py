@@ -23,10 +23,13 @@ def toy_path() -> Path:
 
 
 @pytest.fixture(scope="module")
-def fresh_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def fresh_cache(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Path]:
     """Step A is computed anew by the code under test; compiled kernels stay where they are.
 
-    Within the session the response of the toy track is computed once.
+    Within the session the response of the toy track is computed once, and no finer than needed; a file
+    whose runs are continued by other processes (``PROCESSES``) takes the one that they compute.
     """
     import toy
 
@@ -37,5 +40,7 @@ def fresh_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MCSETTLE_CACHE", str(folder))
-        patch.setattr(track_response, "beam_response", toy.beam_response_once)
+        alone = not getattr(request.module, "PROCESSES", False)
+        response = toy.beam_response_once if alone else toy.full_beam_response_once
+        patch.setattr(track_response, "beam_response", response)
         yield folder

@@ -40,6 +40,9 @@ TRAINS = {
 SPEEDS = {"passenger": 201 * KMH, "freight": 97 * KMH, "car": 201 * KMH}
 
 
+full_beam_response_once = functools.cache(beam_response)
+
+
 @functools.cache
 def beam_response_once(track: BeamTrack, integration_depth: float = 5.5) -> BeamResponse:
     """Step A of a track, once a session.

@@ -481,7 +481,10 @@ def results(tmp_path: Path) -> Path:
     return folder
 
 
-def test_summarise_prints_scenarios_beside_published_values(results: Path) -> None:
+def test_summarise_prints_scenarios_beside_published_values(
+    results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mcsettle.cli.tables.WIDTH", 200)  # every column has its place
     done = invoke("summarise", results, "--all")
     assert done.exit_code == 0, done.output
     for part in ("v201", "v225", "tamping_interval_days", "elasticity", "697", "Table 3", "690"):

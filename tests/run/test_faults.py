@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import pytest
-import toy
 from toy import everything
 
 from mcsettle.errors import InputError
@@ -26,19 +25,8 @@ from mcsettle.study.study import resolved_toml
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 ROOT = Path(__file__).resolve().parents[2]
 KERNELS = str(files.cache_folder())  # compiled ones, before a test has a cache of its own
+PROCESSES = True  # others go on with what is computed here
 N, SIZE = 8, 2
-
-
-@pytest.fixture(scope="module")
-def study():
-    return toy.study(run={"realisations": N})
-
-
-@pytest.fixture(scope="module")
-def whole(fresh_cache, study, tmp_path_factory):
-    return run_study(
-        study, tmp_path_factory.mktemp("whole") / "out", RunOptions(shard_size=SIZE)
-    ).folder
 
 
 def logs(out: Path, event: str) -> dict[str, set[str]]:

@@ -9,7 +9,7 @@ from toy import COST, LAW, LOAD, N0, SETS, SPRING, N, everything, table, uncerta
 from mcsettle.errors import InputError
 from mcsettle.railway.initial_profiles import InitialProfiles
 from mcsettle.railway.scene import Scene
-from mcsettle.run import compute, pipeline
+from mcsettle.run import compute
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.transfer_store import transfer_store
@@ -24,23 +24,12 @@ from mcsettle.summary.results import Results, read_results
 from mcsettle.summary.summary import summary_rows, tonnage_rows
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
+SHARD = 3  # two for each scenario
 
 
 @pytest.fixture(scope="module")
 def study():
     return uncertain(N0, LOAD, COST)
-
-
-@pytest.fixture(scope="module")
-def finished(fresh_cache, study, tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "SHARD", 3)
-        return run_study(study, tmp_path_factory.mktemp("nested") / "results")
-
-
-@pytest.fixture
-def small_shards(monkeypatch):
-    monkeypatch.setattr(pipeline, "SHARD", 3)
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import toy
 from toy import everything, table
 
 from mcsettle.errors import InputError
-from mcsettle.run import compute, pipeline
+from mcsettle.run import compute
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.step_a import critical_speed
@@ -23,25 +23,8 @@ from mcsettle.storage.shard_name import shard_name
 from mcsettle.study.study import load_study, resolved_toml
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
+SHARD = 4  # two for each scenario
 N = 6
-
-
-@pytest.fixture(scope="module")
-def study():
-    return toy.study(run={"realisations": N})
-
-
-@pytest.fixture(scope="module")
-def finished(fresh_cache, study, tmp_path_factory):
-    """The study in shards of four: two shards for each scenario."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "SHARD", 4)
-        return run_study(study, tmp_path_factory.mktemp("run") / "results")
-
-
-@pytest.fixture
-def small_shards(monkeypatch):
-    monkeypatch.setattr(pipeline, "SHARD", 4)
 
 
 def test_every_file_is_there_and_whole(finished):

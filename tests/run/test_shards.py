@@ -10,7 +10,6 @@ from pathlib import Path
 
 import filelock
 import pytest
-import toy
 from hypothesis import given
 from hypothesis import strategies as st
 from toy import everything
@@ -33,19 +32,6 @@ from mcsettle.summary.results import read_results
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 N, SIZE = 6, 2
 runner = CliRunner()
-
-
-@pytest.fixture(scope="module")
-def study():
-    return toy.study(run={"realisations": N})
-
-
-@pytest.fixture(scope="module")
-def whole(fresh_cache, study, tmp_path_factory):
-    """The study in one go: two scenarios of three shards."""
-    return run_study(
-        study, tmp_path_factory.mktemp("whole") / "out", RunOptions(shard_size=SIZE)
-    ).folder
 
 
 def shard_files(folder: Path) -> list[Path]:
