@@ -83,3 +83,11 @@ def test_the_tour_of_the_readme_runs(
     assert "beam track" in shown
     assert "tamping_interval_days" in shown
     assert os.path.getsize(tmp_path / "results" / "toy.png") > 10_000
+
+
+@pytest.mark.parametrize("study", ["linespeed", "traffic"])
+def test_factors_were_found_for_these_transfer_functions(study: str) -> None:
+    """A change of what identifies a train must not disown the studies' factors."""
+    from mcsettle.run.factor_digest import factor_warnings
+
+    assert factor_warnings(load_study(ROOT / "studies" / f"{study}.toml")) == []

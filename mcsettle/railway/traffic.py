@@ -4,7 +4,8 @@ Positions along a train are positive forward with the leading axle at 0, so ever
 negative position and axle passages happen in the order of the arrays.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,6 +52,16 @@ class Train:
     def mass(self) -> float:
         """Gross mass [kg]: axle loads summed."""
         return float(sum(sum(car.loads) for car in self.cars))
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """All that decides its dynamics, as digests take it: what is usual of a vehicle is left out."""
+        described = asdict(self)
+        for car in described["cars"]:
+            for name, usual in (("axles_per_bogie", 2), ("bodies", 1)):
+                if car[name] == usual:
+                    del car[name]
+        return described
 
 
 @dataclass(frozen=True)

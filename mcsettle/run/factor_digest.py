@@ -29,7 +29,7 @@ def transfer_identity(scene: Scene, scenes: Sequence[Scene]) -> str:
     for service in scene.timetable.services:
         softened = scene.softened(service)
         soil = None if softened is None else asdict(softened.settings)
-        services.append([asdict(service.train), float(service.speed), soil])
+        services.append([service.train.description, float(service.speed), soil])
     description: dict[str, Any] = {
         "track": asdict(plain),
         "integration_depth": scene.integration_depth,

@@ -13,7 +13,7 @@ functions that are all Step B knows; ``save`` and ``load`` keep them on disk.
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,11 +179,10 @@ def transfer_digest(
     loads: RailLoads = HALF,
 ) -> str:
     """SHA-256 hex digest of everything ``precompute`` depends on; known before it runs."""
-    described = asdict(train)
+    described = train.description
     for car in described["cars"]:
-        for name, usual in (("axle_loads", None), ("axles_per_bogie", 2), ("bodies", 1)):
-            if car[name] == usual:  # a car like any other
-                del car[name]
+        if car["axle_loads"] is None:  # a car like any other
+            del car["axle_loads"]
     description = {
         "train": described,
         "speed": float(speed),
