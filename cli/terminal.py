@@ -21,7 +21,7 @@ from rich import progress as bars
 from rich.console import Console
 
 from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
-from mcsettle.report.outgoing import json_text, lines
+from mcsettle.report.outgoing import json_text, lines, plain
 from mcsettle.storage.files import is_url
 from mcsettle.storage.location import Folder, place
 
@@ -287,7 +287,7 @@ def _bar(stage: str, total: int) -> bars.Progress:
         bars.TimeRemainingColumn(),
     )
     bar = bars.Progress(*columns, console=Console(stderr=True))
-    bar.add_task(stage, total=total)
+    bar.add_task(plain(stage), total=total)
     bar.start()
     return bar
 
