@@ -11,20 +11,73 @@ from mcsettle.errors import InputError
 
 @plainly
 def init(
-    path: Annotated[Path, typer.Argument(help="File to write.")] = Path("study.toml"),
+    path: Annotated[
+        Path | None, typer.Argument(help="File to write: study.toml, or NAME.toml of an example.")
+    ] = None,
+    example: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="An example, with its data files, instead."),
+    ] = None,
+    list_examples: Annotated[
+        bool, typer.Option("--list", help="List the examples and write nothing.")
+    ] = False,
 ) -> None:
     """Write a commented study file to start from; an existing file is never overwritten."""
+    from mcsettle.study.examples import example_titles
+
+    if list_examples:
+        if path is not None or example is not None:
+            raise InputError("--list writes nothing: leave out FILE and --example")
+        titles = example_titles()
+        width = max(map(len, titles))
+        say("\n".join(f"{name:{width}}  {title}" for name, title in titles.items()), True)
+        return
+    study, contents = _contents(path, example)
+    _write(contents)
+    data = len(contents) - 1
+    beside = f" and {data} data file{'s' if data > 1 else ''} beside it" if data else ""
+    inform(f"Wrote {study}{beside}. Next: mcsettle check {study}")
+
+
+def _contents(path: Path | None, example: str | None) -> tuple[Path, dict[Path, bytes]]:
+    """The study to write, and what every file will contain."""
     from importlib.resources import files
 
-    text = files("mcsettle.cli").joinpath("template.toml").read_text(encoding="utf-8")
+    from mcsettle.study.examples import example_files
+
+    if example is None:
+        study = path or Path("study.toml")
+        return study, {study: files("mcsettle.cli").joinpath("template.toml").read_bytes()}
     try:
-        with path.open("x", encoding="utf-8") as target:
-            target.write(text)
-    except FileExistsError:
-        raise InputError(f"{path} exists; name another file or remove it first") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
-    inform(f"Wrote {path}. Next: mcsettle check {path}")
+        text, *data = example_files(example).items()
+    except InputError as error:
+        raise InputError(f"--example {error}; 'mcsettle init --list' describes them") from None
+    study = path or Path(text[0])
+    return study, {study: text[1]} | {study.parent / name: content for name, content in data}
+
+
+def _write(contents: dict[Path, bytes]) -> None:
+    """Write the study and its data; nothing where the study exists, or data of another content."""
+    study, *data = contents
+    different = [study] if study.exists() else []
+    different += [
+        file
+        for file in data
+        if file.exists() and not (file.is_file() and file.read_bytes() == contents[file])
+    ]
+    if different:
+        files = ", ".join(map(str, different))
+        verb = "exists" if len(different) == 1 else "exist"
+        raise InputError(f"{files} {verb}; name another file or remove what exists first")
+    for file, content in contents.items():
+        try:
+            if file.parent != study.parent:  # the study's own folder has to exist
+                file.parent.mkdir(exist_ok=True)
+            if not file.exists():
+                with file.open("xb") as target:
+                    target.write(content)
+        except OSError as error:
+            raise InputError(f"{file} cannot be written: {error.strerror}") from None
 
 
 @plainly

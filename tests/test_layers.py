@@ -14,6 +14,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"mcsettle": "mcsettle", "kernels": "mcsettle.kernels", "cli": "mcsettle.cli"}
+STUDIES = {
+    "studies": "mcsettle.studies"
+}  # installed for its studies; its scripts are not the model
 # A room may import the rooms before it, and its own modules; nothing else.
 ROOMS = (
     *("errors", "units", "types", "storage", "railway", "economics", "estimate", "step_a"),
@@ -259,8 +262,23 @@ def test_package_list_equals_the_tree() -> None:
         for folder in folders
         if folder.parts
     }
-    assert set(build["packages"]) == tree
-    assert build["package-dir"] == {package: folder for folder, package in PACKAGES.items()}
+    assert set(build["packages"]) == tree | set(STUDIES.values())
+    homes = PACKAGES | STUDIES
+    assert build["package-dir"] == {package: folder for folder, package in homes.items()}
+
+
+def test_every_study_and_its_data_are_installed() -> None:
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "setuptools"
+    ]
+    patterns = build["package-data"]["mcsettle.studies"]
+    data = {
+        path
+        for path in (ROOT / "studies").rglob("*")
+        if path.is_file() and path.suffix not in (".py", ".pyc", ".md")
+    }
+    installed = {path for pattern in patterns for path in (ROOT / "studies").glob(pattern)}
+    assert data == installed
 
 
 def test_every_public_name_is_there() -> None:

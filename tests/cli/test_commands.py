@@ -24,11 +24,15 @@ from mcsettle.errors import InputError, NumericalError
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import Finished
 from mcsettle.study.study import Study, load_study
+from mcsettle.summary.answers import is_calibrated
+from mcsettle.summary.results import read_results
+from mcsettle.summary.summary import summary_rows
 from mcsettle.types import Progress
 
 runner = CliRunner()
 ROOT = Path(__file__).resolve().parents[2]
-TOY = str(ROOT / "studies" / "toy.toml")
+STUDIES = ROOT / "studies"
+TOY = str(STUDIES / "toy.toml")
 
 
 def invoke(*arguments: str | Path) -> Any:
@@ -131,6 +135,52 @@ def test_init_writes_a_sound_study_and_never_overwrites(tmp_path: Path) -> None:
              for line in text.splitlines()]  # fmt: skip
     bold = "\n".join(line for line in lines if "model = " not in line or '"beam" #' in line)
     tomllib.loads(bold)
+
+
+def test_the_study_that_init_writes_is_calibrated(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    assert invoke("init", path).exit_code == 0
+    checked = invoke("check", path)
+    assert "warning" not in checked.stderr, "the factor is of another ground"
+    assert is_calibrated(load_study(path), "base")
+    assert load_study(path).calibration is not None
+    assert invoke("run", path, "--realisations", 16, "--out", tmp_path / "out").exit_code == 0
+    rows = summary_rows(read_results(tmp_path / "out"))
+    medians = {(row.scenario, row.metric): row.at(0.5).value for row in rows}
+    assert medians["v201", "tamping_interval_days"] == pytest.approx(697, rel=0.15)
+    assert medians["v225", "marginal_cost"] is not None
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in STUDIES.glob("*.toml")))
+def test_every_example_is_written_with_its_data(name: str, tmp_path: Path) -> None:
+    done = invoke("init", "--example", name, tmp_path / "mine.toml")
+    assert done.exit_code == 0, done.stderr
+    assert invoke("check", tmp_path / "mine.toml").exit_code == 0
+    assert load_study(tmp_path / "mine.toml").digest == load_study(STUDIES / f"{name}.toml").digest
+
+
+def test_examples_are_listed_by_their_titles(tmp_path: Path) -> None:
+    listed = invoke("init", "--list").stdout.splitlines()
+    assert [line.split()[0] for line in listed] == sorted(p.stem for p in STUDIES.glob("*.toml"))
+    assert all(len(line.split()) > 3 for line in listed)
+    done = invoke("init", "--list", tmp_path / "study.toml")
+    assert done.exit_code == 2
+    assert "leave out FILE" in done.stderr
+    unknown = invoke("init", "--example", "lines", tmp_path / "study.toml")
+    assert unknown.exit_code == 2
+    assert '"lines"' in unknown.stderr
+    assert "linespeed" in unknown.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_example_overwrites_no_data(tmp_path: Path) -> None:
+    (tmp_path / "line_sds.csv").write_text("mine", encoding="utf-8")
+    done = invoke("init", "--example", "line", tmp_path / "mine.toml")
+    assert done.exit_code == 2
+    assert "line_sds.csv exists" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["line_sds.csv"]
+    (tmp_path / "line_sds.csv").write_bytes((STUDIES / "line_sds.csv").read_bytes())
+    assert invoke("init", "--example", "line", tmp_path / "mine.toml").exit_code == 0
 
 
 def test_init_into_a_missing_folder(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Studies and the scripts beside them: ``mcsettle init --example`` writes the studies."""
