@@ -5,8 +5,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Nothing measures time: a busy machine is no fault of an example.
+settings.register_profile("tests", deadline=None)
+settings.load_profile("tests")
 ROOT = Path(__file__).resolve().parents[1]
 
 

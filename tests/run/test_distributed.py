@@ -82,11 +82,11 @@ def test_a_poisoned_shard_becomes_failed_rows_and_heals(
     """One shard fails every time: its rows say why, exit code 3; the next run tries it once more."""
     kept, asked = worker.compute.write_computed, []
 
-    def poisoned(job, member, machine, shard, *more):
+    def poisoned(job, member, scene, engine, shard):
         asked.append(shard.name)
         if "v225--00000002" in shard.name:
             raise FloatingPointError("poison")
-        kept(job, member, machine, shard, *more)
+        kept(job, member, scene, engine, shard)
 
     monkeypatch.setattr(worker.compute, "write_computed", poisoned)
     path = tmp_path / "study.toml"
@@ -240,9 +240,9 @@ def test_sets_that_share_their_rows(tmp_path, in_process, monkeypatch):
     """Sets that differ in money alone: the workers compute the first one's rows and copy them."""
     kept, computed = compute.write_computed, []
 
-    def counted(job, member, machine, shard, *more):
+    def counted(job, member, scene, engine, shard):
         computed.append(shard.member)
-        kept(job, member, machine, shard, *more)
+        kept(job, member, scene, engine, shard)
 
     study = toy.uncertain(toy.COST, run={"realisations": 2, "parameter_sets": 3})
     plain = run_study(study, tmp_path / "plain").folder
