@@ -2,11 +2,12 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 RESULTS ?= results
+CAMPAIGN ?= build/campaign
 BIN := $(VENV)/bin
 # One BLAS thread a process: the work is parallel elsewhere, and results must not depend on it.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help env study test test-slow test-browser check lint types format paper bench docs clean
+.PHONY: help env study test test-slow test-browser mutants campaign check lint types format paper bench docs clean
 
 help:
 	@echo "make study      run studies/linespeed.toml: results in $(RESULTS)/linespeed, summary, picture"
@@ -15,6 +16,8 @@ help:
 	@echo "make paper      both studies of the paper, with their reports: $(RESULTS)/linespeed.html, traffic.html"
 	@echo "make test-browser  the report in a headless Chromium"
 	@echo "make docs       the documentation as a site: build/site/index.html"
+	@echo "make mutants    break guards one at a time: do the tests notice?"
+	@echo "make campaign   1000 kills and 20 000 hostile inputs, in hours; goes on where it stopped"
 	@echo "make bench      realisations a second"
 	@echo "make env        the environment only       make clean      forget everything built"
 
@@ -66,6 +69,14 @@ types: env
 	cp -r cli build/types/mcsettle/cli
 	cp -r kernels build/types/mcsettle/kernels
 	cd build/types && "$(abspath $(BIN))/mypy" --config-file ../../pyproject.toml -p mcsettle
+
+# Guards broken one at a time: the tests have to notice each.
+mutants: env
+	$(BIN)/python tests/mutants.py
+
+# Hours; goes on where it stopped. CAMPAIGN names the folder of its books.
+campaign: env
+	$(BIN)/python tests/campaign.py $(CAMPAIGN)
 
 bench: env
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[bench]"

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mcsettle.cli.options import Json, StudyFile, Variant
+from mcsettle.cli.options import Force, Json, StudyFile, Variant
 from mcsettle.cli.tables import shown
-from mcsettle.cli.terminal import inform, plainly, say
+from mcsettle.cli.terminal import inform, plainly, refuse_url, say
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def grounds(
     scenario: Annotated[str | None, typer.Option(help="Scenario (default: the first).")] = None,
     picture: Annotated[Path | None, typer.Option(help="Also draw them (PNG and SVG).")] = None,
     json_output: Json = False,
+    force: Force = False,
 ) -> None:
     """List the grounds of a study, or print what a run says of them, segment by segment."""
     from mcsettle.study.study import load_study
@@ -43,7 +44,7 @@ def grounds(
     report = ground_report(results, variant, scenario)
     say(report_json(report) if json_output else "\n".join(report_lines(report)), json_output)
     if picture is not None:
-        draw_report(report, picture)
+        draw_report(report, picture, loaded.identity, force)
         inform(f"Drew {picture}")
 
 
@@ -106,14 +107,15 @@ def report_json(report: "GroundReport") -> str:
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def draw_report(report: "GroundReport", path: Path) -> None:
+def draw_report(report: "GroundReport", path: Path, mark: str, force: bool) -> None:
     """Write the picture by segment as ``path``, PNG or SVG."""
     from mcsettle.report.figures.grounds import grounds_figure
     from mcsettle.report.figures.style import FORMATS, save
 
     if path.suffix.lower().lstrip(".") not in FORMATS:
         raise InputError(f"--picture {path}: choose a name that ends in .png or .svg")
-    save(grounds_figure(report), path.parent, path.stem)
+    refuse_url(path, "--picture")
+    save(grounds_figure(report), path.parent, path.stem, study=mark, force=force)
 
 
 def _row(row: "SegmentRow") -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.check import warn_of
-from mcsettle.cli.options import Json, StudyFile
+from mcsettle.cli.options import Force, Json, StudyFile
 from mcsettle.cli.tables import shown
 from mcsettle.cli.terminal import Progress, checked_folder, cores, inform, plainly, say
 from mcsettle.estimate.rounding import with_error
@@ -29,20 +29,24 @@ def life(
     out: Annotated[Path | None, typer.Option(help="Folder for tables (Parquet).")] = None,
     realisations: Annotated[int | None, typer.Option(min=1, help="Tracks to follow.")] = None,
     json_output: Json = False,
+    force: Force = False,
 ) -> None:
     """Tamp a study's tracks again and again to renewal; present and marginal cost beside Eq. (4)."""
+    from mcsettle.storage.marks import refuse_others
     from mcsettle.study.study import load_study
 
     loaded = load_study(study)
     if out is not None:
         checked_folder(out)
+        names = ("lives.parquet", "tampings.parquet")
+        refuse_others([out / name for name in names], loaded.identity, force)
     warn_of(loaded)
     from mcsettle.analysis.life import lives
 
     found = lives(loaded, realisations, Progress(), cores())
     say(life_json(found) if json_output else "\n".join(life_lines(found)), json_output)
     if out is not None:
-        write_lives(found, out)
+        write_lives(found, out, loaded.identity)
 
 
 def life_lines(found: Sequence["Life"]) -> Iterator[str]:
@@ -79,12 +83,18 @@ def life_json(found: Sequence["Life"]) -> str:
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def write_lives(found: Sequence["Life"], folder: Path) -> None:
-    """Tables ``lives`` (a row for each track) and ``tampings`` (one for each tamping)."""
+def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
+    """Tables ``lives`` (a row for each track) and ``tampings`` (one for each tamping).
+
+    ``study``: the mark that they bear.
+    """
     import numpy as np
     import pandas as pd
+    import pyarrow as pa
 
     from mcsettle.storage.files import write_file
+    from mcsettle.storage.marks import NAME
+    from mcsettle.storage.parquet import encode
 
     lives, tampings = [], []
     for life in found:
@@ -113,8 +123,9 @@ def write_lives(found: Sequence["Life"], folder: Path) -> None:
                 }
             )
     for name, rows in (("lives", lives), ("tampings", tampings)):
-        content: bytes = pd.DataFrame(rows).to_parquet(index=False)
-        write_file(folder / f"{name}.parquet", content)
+        table = pa.Table.from_pandas(pd.DataFrame(rows), preserve_index=False)
+        marked = table.replace_schema_metadata({**(table.schema.metadata or {}), NAME: study})
+        write_file(folder / f"{name}.parquet", encode(marked))
     inform(f"Wrote lives.parquet and tampings.parquet to {folder}")
 
 

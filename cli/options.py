@@ -21,6 +21,7 @@ Threads = Annotated[int | None, Option(min=1, help="Threads (default: all cores)
 Batch = Annotated[int | None, Option(min=1, help="Realisations at a time.")]
 Exact = Annotated[bool, Option("--exact", help="Update the profile after every axle passage.")]
 Variant = Annotated[str | None, Option(help="Variant (default: the first).")]
+Force = Annotated[bool, Option("--force", help="Replace files that are not this study's own.")]
 Json = Annotated[bool, Option("--json", help="Print JSON.")]
 TakeOver = Annotated[
     bool, Option("--take-over", help="Take away locks that other hosts have left there.")

@@ -26,13 +26,14 @@ def checked_picture(path: Path) -> Path:
     return path
 
 
-def draw(results: "Results", folder: Path, path: Path) -> None:
+def draw(results: "Results", folder: Path, path: Path, force: bool = False) -> None:
     """Draw the variant that stands first in the finished run in ``folder``."""
     from mcsettle.report.curves import fans, spreads, survivals
     from mcsettle.report.figures.results import overview_figure
-    from mcsettle.report.figures.style import save
+    from mcsettle.report.figures.style import drawn
     from mcsettle.report.material import Material
     from mcsettle.report.words import unit_words
+    from mcsettle.storage.marks import write_marked
     from mcsettle.storage.provenance import read_provenance
     from mcsettle.summary.answers import answers
     from mcsettle.summary.summary import summary_rows
@@ -53,4 +54,6 @@ def draw(results: "Results", folder: Path, path: Path) -> None:
         f"{results.study.title}  {variant.name}: {variant.title}".strip(": "),
     )
     path = checked_picture(path)
-    save(figure, path.absolute().parent, path.stem, (path.suffix.lower().lstrip("."),))
+    write_marked(
+        {path: drawn(figure, path.suffix.lower().lstrip("."))}, results.study.identity, force
+    )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 import typer
 from typer import Option
 
-from mcsettle.cli.options import Json, option_name, taking
+from mcsettle.cli.options import Force, Json, option_name, taking
 from mcsettle.cli.terminal import checked_folder, inform, plainly, say
 from mcsettle.errors import InputError
 from mcsettle.estimate.rounding import with_error
@@ -76,6 +76,7 @@ def profile(
     ] = None,
     out: Annotated[Path | None, Option(help="Folder for a picture and the JSON.")] = None,
     json_output: Json = False,
+    force: Force = False,
     **options: Unpack[RecordOptions],
 ) -> None:
     """Look at a measured record: findings, SD by section, spectrum, fitted constants."""
@@ -88,7 +89,7 @@ def profile(
     report = report_of(file, given, speed_kmh)
     say(report_json(report) if json_output else "\n".join(report_lines(report)), json_output)
     if out is not None:
-        write_report(report, out, file.name)
+        write_report(report, out, file, force)
 
 
 def report_of(path: Path, given: dict[str, Any], speed: float | None) -> "ProfileReport":
@@ -244,12 +245,14 @@ def report_json(report: "ProfileReport") -> str:
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def write_report(report: "ProfileReport", folder: Path, title: str) -> None:
-    """Picture and JSON of a report into ``folder``."""
+def write_report(report: "ProfileReport", folder: Path, file: Path, force: bool) -> None:
+    """Picture and JSON of the report of ``file`` into ``folder``, with the mark of its content."""
     from mcsettle.report.figures.profile import profile_figure
-    from mcsettle.report.figures.style import save
-    from mcsettle.storage.files import write_file
+    from mcsettle.report.figures.style import files_of
+    from mcsettle.storage.files import sha256
+    from mcsettle.storage.marks import write_marked
 
-    written = save(profile_figure(report, title), folder, "profile")
-    written.append(write_file(folder / "profile.json", f"{report_json(report)}\n".encode()))
+    files = files_of(profile_figure(report, file.name), folder, "profile")
+    files[folder / "profile.json"] = f"{report_json(report)}\n".encode()
+    written = write_marked(files, sha256(file), force)
     inform("Wrote " + ", ".join(str(path) for path in written))

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from mcsettle.cli.options import Force
 from mcsettle.cli.terminal import (
     Progress,
     checked_folder,
@@ -19,10 +20,6 @@ from mcsettle.errors import InputError
 from mcsettle.storage.files import is_url
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.")]
-
-Force = Annotated[
-    bool, typer.Option("--force", help="Replace files that are not this study's own.")
-]
 
 
 @plainly

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mcsettle.cli.options import Folder, Json
+from mcsettle.cli.options import Folder, Force, Json
 from mcsettle.cli.picture import checked_picture, draw
 from mcsettle.cli.spread import print_spread, statistics_json
 from mcsettle.cli.tables import add_numbers, console, print_fitted, quantiles, shown, table
@@ -27,13 +27,17 @@ def summarise(
     picture: Annotated[
         Path | None, typer.Option(help="Also draw the results into this file (PNG, SVG).")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Print the answer of a run on one screen: prices, what they are worth, when the line is tamped."""
+    from mcsettle.storage.marks import refuse_others
     from mcsettle.summary.results import read_results
 
     if picture is not None:
         checked_picture(picture)
     results = read_results(folder)
+    if picture is not None:
+        refuse_others([picture], results.study.identity, force)
     if every or json_output:
         from mcsettle.summary.summary import summary_rows
 
@@ -48,7 +52,7 @@ def summarise(
 
         say("\n".join(one_screen(results, answers(results), str(folder))))
     if picture is not None:
-        draw(results, folder, picture)
+        draw(results, folder, picture, force)
         inform(f"Drew {picture}")
 
 

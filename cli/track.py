@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcsettle.cli.check import warn_of
-from mcsettle.cli.options import StudyFile
+from mcsettle.cli.options import Force, StudyFile
 from mcsettle.cli.terminal import Progress, checked_folder, cores, inform, plainly, say, warn
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ def track(
     out: Annotated[
         Path | None, typer.Option(help="Also write pictures (PNG, SVG) and tables (CSV) there.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Describe a study's track and trains: wave speeds, deflection, stresses, Table 4."""
     from mcsettle.study.study import load_study
@@ -48,7 +49,7 @@ def track(
             from mcsettle.report.track_pictures import draw_track
 
             folder = out / case.variant if len(cases) > 1 else out
-            written = draw_track(case, rows, table, folder, progress)
+            written = draw_track(case, rows, table, folder, progress, loaded.identity, force)
             inform(f"Wrote {len(written)} files to {folder}")
 
 

@@ -9,6 +9,7 @@ for it to come back and sends what was unanswered again; a worker that finds a s
 import asyncio
 import contextlib
 import os
+import socket
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -23,7 +24,10 @@ from mcsettle.run.worker import RunSpec, work
 
 WINDOW = 2  # shards out at a time for each worker
 RETRIES = 2  # of a shard that raises; a shard whose workers die has the scheduler's own
-PATIENCE = 600.0  # s without a scheduler before giving up
+PATIENCE = 600.0  # s without a scheduler, or without workers, before giving up
+FIRST_PATIENCE = 60.0  # s, where none has answered yet: the address is probably wrong
+ANSWER = 3.0  # s in which a scheduler greets who connects to it
+NO_WORKERS = 5.0  # s without workers before it is said
 POLL = 0.5  # s
 
 
@@ -49,19 +53,24 @@ class Work:
     tell: Callable[[str], None]
     out: dict[int, Any] = field(default_factory=dict)
     sent: int = 0
+    idle_since: float | None = None  # without workers
+    told_idle: bool = False
     name: str = field(default_factory=lambda: os.urandom(4).hex())  # of this client's tasks
 
 
 def drive(job: Work, address: str, progress: Callable[[str, int, int], None] | None) -> None:
     """Send numbers and take answers until there are no more, through any loss of the scheduler."""
     missing_since: float | None = None
+    patience = FIRST_PATIENCE
     while job.numbers or job.out:
         try:
+            _refuse_silent(address)
             with _client(address) as client:
-                missing_since = None
+                missing_since, patience = None, PATIENCE
                 while job.numbers or job.out:
                     _send(job, client)
                     _take(job, client)
+                    _await_workers(job, client, address)
                     if progress is not None:
                         progress("Shards", job.tally.answered, job.tally.n_shards)
         except _GONE:
@@ -70,12 +79,54 @@ def drive(job: Work, address: str, progress: Callable[[str, int, int], None] | N
             if missing_since is None:
                 missing_since = now
                 job.tell(f"The scheduler {address} does not answer; waiting for it")
-            if now - missing_since > PATIENCE:
+            if now - missing_since > patience:
                 raise InputError(
                     f"no scheduler answers at {address}; start 'dask scheduler' there: the same "
                     "command goes on from what is there"
                 ) from None
             time.sleep(POLL)
+
+
+def _refuse_silent(address: str) -> None:
+    """Look whether a scheduler listens at ``address``, before a client waits for one.
+
+    Raises
+    ------
+    OSError
+        Nobody takes the connection, or what takes it does not greet as a scheduler does.
+    """
+    scheme, _, place = address.partition("://")
+    if scheme not in ("tcp", "tls", "ws", "wss"):
+        return
+    host, _, port = place.rpartition(":")
+    with socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER) as line:
+        line.settimeout(ANSWER)
+        if scheme == "tcp" and not line.recv(1):
+            raise ConnectionError(f"{address} closes the connection")
+
+
+def _await_workers(job: Work, client: Any, address: str) -> None:
+    """Say that a scheduler has no workers, and give up when that does not change.
+
+    Raises
+    ------
+    InputError
+        It has had none for ``PATIENCE`` seconds.
+    """
+    if client.scheduler_info(n_workers=-1)["workers"]:
+        job.idle_since = None
+        return
+    now = time.monotonic()
+    before, job.idle_since = job.idle_since, now if job.idle_since is None else job.idle_since
+    if before is None:
+        return
+    remedy = f"start 'dask worker {address}' where the results folder can be reached"
+    if now - job.idle_since > PATIENCE:
+        raise InputError(f"the scheduler {address} has no workers; {remedy}: the same command goes on "
+                         "from what is there")  # fmt: skip
+    if not job.told_idle and now - job.idle_since > NO_WORKERS:
+        job.told_idle = True
+        job.tell(f"The scheduler {address} has no workers; waiting for some: {remedy}")
 
 
 class _LostError(Exception):

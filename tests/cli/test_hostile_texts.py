@@ -113,7 +113,7 @@ def test_closed_streams_are_borne(monkeypatch):
         monkeypatch.setattr(sys, name, None)
     terminal.prepare_streams()
     terminal.say("x")
-    terminal.inform("y")
+    terminal.warn("y")
     sys.stdout.close()
     sys.stderr.close()
 

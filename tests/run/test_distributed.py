@@ -144,7 +144,7 @@ def test_a_damaged_step_a_is_refused(study, tmp_path, in_process):
 
 
 def test_without_a_scheduler_it_says_so(study, tmp_path, monkeypatch):
-    monkeypatch.setattr(dispatch, "PATIENCE", 0.0)
+    monkeypatch.setattr(dispatch, "FIRST_PATIENCE", 0.0)
     with pytest.raises(InputError, match=r"no scheduler answers at tcp://127.0.0.1:9"):
         cluster.run_distributed(study, tmp_path, "tcp://127.0.0.1:9", RunOptions(shard_size=SIZE))
 

@@ -59,6 +59,7 @@ def test_an_interrupt_does_not_wait_for_what_is_running():
             assert pool.submit(os.getpid).result() != os.getpid()
             for _ in range(3):
                 pool.submit(time.sleep, 600)
+            time.sleep(0.5)  # the first is under way
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -28,7 +28,7 @@ class SettlementTable(Table):
     cycles: CycleCount = "shared"
     ballast_cycles_before: Cycles = 100_000.0
     subgrade_cycles_before: Cycles = 100_000.0
-    cycles_per_passage: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+    cycles_per_passage: Annotated[float, Field(ge=1e-9, le=1e6)] = 1.0
     settlement_factor: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     integration_depth_m: Annotated[Metres, Field(le=100)] = 5.5
     equivalence_exponent: Exponent | Literal["law"] | None = None

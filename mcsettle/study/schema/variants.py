@@ -47,7 +47,7 @@ class VariantTable(Table):
     cycles: CycleCount | None = None
     ballast_cycles_before: Cycles | None = None
     subgrade_cycles_before: Cycles | None = None
-    cycles_per_passage: Annotated[float, Field(gt=0, le=1e6)] | None = None
+    cycles_per_passage: Annotated[float, Field(ge=1e-9, le=1e6)] | None = None
     settlement_factor: Annotated[float, Field(gt=0, le=1e6)] | None = None
     integration_depth_m: Annotated[Metres, Field(le=100)] | None = None
     equivalence_exponent: Exponent | Literal["law"] | None = None
