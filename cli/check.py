@@ -40,12 +40,15 @@ def warn_of(study: "Study") -> None:
 
 def study_lines(study: "Study") -> Iterator[str]:
     """A sound study in a few lines."""
+    from mcsettle.report.assumptions import stress_remarks
+
     yield f"{study.title or 'untitled'}: sound"
     yield f"digest {study.digest}"
     yield (
         f"track {study.track_table.preset_name}, {study.run.realisations} realisations, "
         f"limit {study.limit.sd_limit_mm:g} mm"
     )
+    yield from stress_remarks(study)
     for scenario in study.scenarios:
         services = ", ".join(
             f"{s.per_day} × {s.train} at {s.speed_kmh:g} km/h" for s in scenario.timetable

@@ -24,6 +24,7 @@ TAICHI = "1.7.4"
 EXTRAS = (
     ("distributed", "distributed", "2026.8.0", "run --scheduler"),
     ("pdf", "playwright", None, "report --pdf"),
+    ("xarray", "xarray", None, "Results.to_xarray"),
     ("xlsx", "XlsxWriter", None, "export to a workbook"),
 )
 STORES = {"s3": "S3FileSystem", "gs": "GcsFileSystem", "abfs": "AzureFileSystem"}

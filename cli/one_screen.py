@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from mcsettle.estimate.rounding import number
-from mcsettle.report.assumptions import narrowed_by
+from mcsettle.report.assumptions import narrowed_by, stress_remarks
 from mcsettle.report.charging import headline_unit, marginal_train
 from mcsettle.report.money import Money, currency_of, money_for
 from mcsettle.report.price_words import (
@@ -58,6 +58,7 @@ def _screen(results: "Results", answers: "Answers", name: str, size: tuple[int, 
         "",
         *_prices(answers, width, most),
         *_intervals(answers, width, most),
+        *_remarks(answers, width),
         *_next(answers, width),
         "",
         _EVERY.format(shown),
@@ -150,6 +151,12 @@ def _intervals(answers: "Answers", width: int, most: int) -> Iterator[str]:
     yield ""
     yield "When is the line tamped?"
     yield from _columns(rows, width)
+
+
+def _remarks(answers: "Answers", width: int) -> Iterator[str]:
+    for text in stress_remarks(answers.study):
+        yield ""
+        yield from textwrap.wrap(text, width)
 
 
 def _next(answers: "Answers", width: int) -> Iterator[str]:

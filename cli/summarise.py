@@ -118,6 +118,8 @@ def _percentile(row: "SummaryRow") -> str:
 
 
 def _remarks(results: "Results") -> Iterator[str]:
+    from mcsettle.report.assumptions import stress_remarks
+
     yield (
         f"P5, P50, P95: spread between {_what_varies(results)}. ± s.e.: Monte Carlo error of "
         "the median. –: not reached, or not known for too many censored tracks."
@@ -126,6 +128,7 @@ def _remarks(results: "Results") -> Iterator[str]:
         "at: percentile of our realisations at which the published value falls; in brackets what it may "
         "be, censored pairs being unknown."
     )
+    yield from stress_remarks(results.study)
     sources = sorted({row.source for row in results.study.reference})
     if sources:
         yield f"published: {'; '.join(sources)}"

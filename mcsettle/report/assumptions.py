@@ -23,6 +23,16 @@ FORMS = (
     "One model form: its choice can move this price by more than the 95 % interval. Run the set of forms "
     "([[variants]], each calibrated)."
 )
+HALF_SPACE = (
+    "Closed-form beam: its stresses are those of a uniform half-space, not of the layered section, and "
+    'may be far from them; model = "section" computes the section.'
+)
+
+
+def stress_remarks(study: Study) -> Iterator[str]:
+    """What to know of where the stresses of ``study`` come from; nothing for a section."""
+    if study.track_table.model == "beam":
+        yield HALF_SPACE
 
 
 def assumptions(study: Study, variant: str) -> dict[str, str]:

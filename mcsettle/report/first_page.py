@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from mcsettle.estimate.rounding import number
-from mcsettle.report.assumptions import narrowed_by
+from mcsettle.report.assumptions import narrowed_by, stress_remarks
 from mcsettle.report.form_bars import MOST_LINES, form_bars
 from mcsettle.report.material import Material
 from mcsettle.report.money import currency_of, symbol
@@ -106,6 +106,7 @@ def _rests_on(material: Material) -> Iterator[str]:
     if first is not None and first.settlement is not None:
         text += f"; the line as a whole settles {number(first.settlement, 0)} mm by then"
     yield f"{text}."
+    yield from stress_remarks(study)
 
 
 def _warnings(material: Material) -> Iterator[Block]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,10 @@ from mcsettle.storage.manifest import MANIFEST, STUDY_FILE
 from mcsettle.storage.tables import input_column
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, study_from_text
+from mcsettle.summary.labelled import labelled
+
+if TYPE_CHECKING:
+    import xarray
 
 INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"  # columns of ``realisations``
 
@@ -74,6 +79,19 @@ class Results:
         own = self.weights[self.weights["variant"] == variant].sort_values("parameter_set")
         logs = own["log_likelihood"].to_numpy(dtype=float, na_value=-np.inf)
         return Conditioning(variant, logs) if len(own) else None
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Intervals, SDs and effects over scenario, variant, parameter_set and realisation.
+
+        Units and meanings are attributes (``units``, ``long_name``) of each variable.
+
+        Raises
+        ------
+        InputError
+            The extra ``xarray`` is not installed.
+        """
+        tables = {"realisations": self.realisations, "effects": self.effects}
+        return labelled(tables, self.study.scenario_names, self.study.variant_names)
 
     def __repr__(self) -> str:
         counts = self.realisations["status"].value_counts()

@@ -145,6 +145,8 @@ def test_the_study_that_init_writes_is_calibrated(tmp_path: Path) -> None:
     assert is_calibrated(load_study(path), "base")
     assert load_study(path).calibration is not None
     assert invoke("run", path, "--realisations", 16, "--out", tmp_path / "out").exit_code == 0
+    for done in (checked, *(invoke("summarise", tmp_path / "out", *a) for a in ((), ("--all",)))):
+        assert "stresses are those of a uniform half-space" in " ".join(done.stdout.split())
     rows = summary_rows(read_results(tmp_path / "out"))
     medians = {(row.scenario, row.metric): row.at(0.5).value for row in rows}
     assert medians["v201", "tamping_interval_days"] == pytest.approx(697, rel=0.15)
