@@ -58,6 +58,8 @@ def summarise(
 
 def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
     """Every number of the summary as JSON, standard errors and intervals included."""
+    from mcsettle.summary.sign_split import sign_rows
+
     study = results.study
     keys = ["variant", "scenario", "status"]
     counts = results.realisations.groupby(keys).size().reset_index(name="n")
@@ -70,13 +72,17 @@ def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
         ],
         "conditioning": list(weights_json(results)),
         "rows": [_json_row(row) for row in rows],
+        "sign_split": list(signs_json(sign_rows(results))),
     }
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
     """Print one table a variant on stdout."""
-    out = console()
+    from mcsettle.cli.signs import print_signs
+    from mcsettle.summary.sign_split import sign_rows
+
+    out, signs = console(), sign_rows(results)
     out.print(results.study.title or "untitled", style="bold")
     for variant in results.study.variants:
         of_variant = [row for row in rows if row.variant == variant.name]
@@ -95,6 +101,7 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
         else:
             out.print(f"{title}: no realisation has a result")
         print_spread(of_variant)
+        print_signs([row for row in signs if row.variant == variant.name])
         print_inputs(results, variant.name)
     for line in _remarks(results):
         out.print(line)
@@ -214,3 +221,10 @@ def weights_json(results: "Results") -> Iterator[dict[str, Any]]:
                 "remark": found.remark,
                 "inputs": [dataclasses.asdict(b) for b in results.input_bands(variant)],
             }
+
+
+def signs_json(rows: "list[SummaryRow]") -> Iterator[dict[str, Any]]:
+    """What added services roughen and harden as plain data."""
+    for row in rows:
+        keys = {key: getattr(row, key) for key in ("variant", "scenario", "metric", "unit")}
+        yield keys | {"statistics": statistics_json(row.statistics)}

@@ -30,6 +30,7 @@ from mcsettle.report.quality import (
 from mcsettle.report.register import register_table
 from mcsettle.report.result_tables import charge_blocks, result_blocks
 from mcsettle.report.scenarios import scenario_blocks
+from mcsettle.report.sign_tables import sign_blocks
 from mcsettle.report.words import cut
 from mcsettle.types import Progress
 
@@ -79,7 +80,7 @@ def _case_of(material: Material, progress: Progress | None, processes: int):  # 
 def build(material: Material, bars: Sequence[Bar] = ()) -> Page:
     """The page of ``material``; ``bars``: a tornado, if one was computed."""
     first = first_page(material)
-    results = [*result_blocks(material), *growth_pictures(material)]
+    results = [*result_blocks(material), *sign_blocks(material), *growth_pictures(material)]
     track = list(_track(material))
     forms = [Section("forms", "Prices by model form", tuple(form_blocks(material)))]
     before = [

@@ -1,6 +1,7 @@
 """Closing a run whose shards are whole: parameters, effects, weights, summary and manifest.
 
-No realisation is computed, so it works on a folder alone.
+It works on a folder alone: no realisation of a shard is computed, and the few of the table ``sign_split``
+follow from the study.
 """
 
 from typing import Any
@@ -15,6 +16,7 @@ from mcsettle.run import columns as rows
 from mcsettle.run.columns import summary_columns
 from mcsettle.run.factor_fit import Fit, read_fits, with_fits
 from mcsettle.run.shards import Shard, all_shards, index_ranges
+from mcsettle.run.sign_split import write_sign_split
 from mcsettle.run.status import (
     Fault,
     Survey,
@@ -24,6 +26,7 @@ from mcsettle.run.status import (
     strays,
     survey,
 )
+from mcsettle.step_a.transfers import StepA
 from mcsettle.storage import lock, shard_record, store
 from mcsettle.storage.foreign import is_ours, refuse_others_files
 from mcsettle.storage.location import Place, Where, place
@@ -34,6 +37,7 @@ from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study
 from mcsettle.summary.courses import courses
 from mcsettle.summary.results import read_results, study_of
+from mcsettle.summary.sign_split import sign_rows
 from mcsettle.summary.summary import summary_rows
 
 MOST_NAMED = 5  # shards in a message
@@ -63,9 +67,16 @@ def gather(folder: Where, take_over: bool = False) -> Survey:
 
 
 def close(
-    at: Place, study: Study, members: list[ParameterSet], provenance: Provenance
+    at: Place,
+    study: Study,
+    members: list[ParameterSet],
+    provenance: Provenance,
+    prepared: StepA | None = None,
 ) -> list[str]:
-    """Write the tables that follow from whole shards, and the manifest, last; returns remarks."""
+    """Write the tables that follow from whole shards, and the manifest, last; returns remarks.
+
+    ``prepared``: Step A of the central set; None: from the cache folder, or computed where needed.
+    """
     at.remove(MANIFEST)
     at.sweep()
     shards = all_shards(study, provenance.shard_realisations)
@@ -76,6 +87,7 @@ def close(
     _write_parameters(at, study, members, provenance)
     _write_effects(at, study, members, provenance)
     remarks = _write_weights(at, study, fits, provenance)
+    write_sign_split(at, study, members, provenance, prepared)
     _write_summary(at, study, provenance)
     store.finish(at)
     return remarks
@@ -186,7 +198,7 @@ def _effects(
 def _write_summary(at: Place, study: Study, provenance: Provenance) -> None:
     """The table ``summary``: every number of the summary with its error."""
     results = read_results(at, finished=False)
-    columns = summary_columns(summary_rows(results))
+    columns = summary_columns([*summary_rows(results), *sign_rows(results)])
     if len(columns["variant"]):
         last = study.run.realisations - 1
         store.write(at, "summary", "summary.parquet", columns, provenance, 0, last)

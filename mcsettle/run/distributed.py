@@ -88,7 +88,7 @@ def run_distributed(
                 threads = options.threads or share
                 spec = RunSpec(at.where, digest, n, study.n_sets, threads, options.batch)
                 drive(Work(ready, numbers, tally, spec, tell), address, progress)
-        remarks = close(at, study, ready.members, ready.job.provenance)
+        remarks = close(at, study, ready.members, ready.job.provenance, ready.central)
         n_failed = count_failed(at)
     told = dict.fromkeys((*ready.job.remarks, *tally.remarks, *remarks))
     failed = (f"shard {name}: {why}" for name, why in tally.failed.items())

@@ -94,7 +94,7 @@ def run_study(
         job = ready.job
         compute(job, ready.members, ready.todo, ready.central, ready.transfers)
         if part is None:
-            job.remarks += close(at, study, ready.members, job.provenance)
+            job.remarks += close(at, study, ready.members, job.provenance, ready.central)
             n_failed = count_failed(at)
         else:
             records = (read_record(at, shard.name, job.provenance) for shard in ready.shards)

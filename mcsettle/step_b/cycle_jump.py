@@ -10,17 +10,20 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.case import ALIKE, Case, Outcome, Support
 from mcsettle.step_b.cycles import daily_weights
 from mcsettle.step_b.few_weights import few_weights
 from mcsettle.step_b.pointwise import load_parts, pointwise_growth, pointwise_load
 from mcsettle.step_b.runge_kutta import integrate
 from mcsettle.step_b.sd_map import Roughness, roughness
-from mcsettle.step_b.spectral import stacked, train_form
+from mcsettle.step_b.spectral import SettlementForm, stacked, train_form
 from mcsettle.step_b.susceptibility import VaryingForm, fast_varying_growth
 
 # Maps amplitudes [A, K], weights [A, E] and fields [A, F, M] to the growth of both parts of the state.
 Growth = Callable[[np.ndarray, np.ndarray, np.ndarray | None], tuple[np.ndarray, np.ndarray]]
+# Forms of trains by the identity of their transfer functions, which stay alive beside them.
+Forms = dict[int, tuple[TransferFunctions, SettlementForm]]
 TOLERANCE = 1e-6
 
 
@@ -32,10 +35,15 @@ class CycleJump:
     case : Case
     right_hand_side : "spectral", the second-order form, or "pointwise", every x and depth
     tolerance : relative to the amplitudes, per step
+    forms : second-order forms of trains under this model, to take from and to add to
     """
 
     def __init__(
-        self, case: Case, right_hand_side: str = "spectral", tolerance: float = TOLERANCE
+        self,
+        case: Case,
+        right_hand_side: str = "spectral",
+        tolerance: float = TOLERANCE,
+        forms: Forms | None = None,
     ) -> None:
         from mcsettle.kernels import runtime
 
@@ -43,7 +51,7 @@ class CycleJump:
         self.case, self.tolerance = case, tolerance
         self.measure = roughness(case.wavenumbers, case.window)
         self.growth = (
-            exact_growth(case) if right_hand_side == "pointwise" else spectral_growth(case)
+            exact_growth(case) if right_hand_side == "pointwise" else spectral_growth(case, forms)
         )
 
     def run(
@@ -176,10 +184,13 @@ def _in_timetable_order(
     return np.floor(day) + passages / case.timetable.passages_per_day
 
 
-def spectral_growth(case: Case) -> Growth:
-    """Growth by the second-order form of whole trains."""
-    pairs = case.mode_pairs
-    form = stacked([train_form(transfer, case.model, pairs) for transfer in case.transfers])
+def spectral_growth(case: Case, forms: Forms | None = None) -> Growth:
+    """Growth by the second-order form of whole trains, ``forms`` taken from and added to."""
+    pairs, known = case.mode_pairs, {} if forms is None else forms
+    for transfer in case.transfers:
+        if id(transfer) not in known:
+            known[id(transfer)] = transfer, train_form(transfer, case.model, pairs)
+    form = stacked([known[id(transfer)][1] for transfer in case.transfers])
     multipliers = np.tile(case.group_multipliers, len(case.transfers))
     few = None if case.severity is None else few_weights(case, form, multipliers)
     if few is not None:

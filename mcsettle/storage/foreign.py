@@ -19,7 +19,7 @@ MOST_NAMED = 3  # files in a message
 # Names of the tables' files that are no shards.
 _SINGLE = re.compile(
     r"parameters/sets-[0-9]{6,}-[0-9]{6,}\.parquet|fits/set[0-9]{6,}\.parquet|"
-    r"weights/weights\.parquet|summary/summary\.parquet"
+    r"weights/weights\.parquet|summary/summary\.parquet|sign_split/sign_split\.parquet"
 )
 
 

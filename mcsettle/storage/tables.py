@@ -115,6 +115,47 @@ TABLES = {
         ),
         5,
     ),
+    "sign_split": TableShape(
+        (
+            *_SCENE,
+            Column("baseline", TEXT, "", "scenario whose services are kept"),
+            _REALISATION,
+            Column("status", TEXT, "", "paired, or censored (any of the four runs)"),
+            Column("reduction_percent", NUMBER, "%", "reduction of the tamping interval", True),
+            Column(
+                "reduction_by_roughening_percent",
+                NUMBER,
+                "%",
+                "by the axles of added services, their cycles not counted",
+                True,
+            ),
+            Column(
+                "reduction_by_hardening_percent",
+                NUMBER,
+                "%",
+                "by the cycles of added services, their axles not settling the track",
+                True,
+            ),
+            Column(
+                "roughening_ratio",
+                NUMBER,
+                "1",
+                "what an added axle roughens over a baseline's",
+                True,
+            ),
+            Column(
+                "break_even_ratio",
+                NUMBER,
+                "1",
+                "roughening ratio at which the interval would not change",
+                True,
+            ),
+            Column(
+                "leverage", NUMBER, "1", "change of the interval over a small one of the rate", True
+            ),
+        ),
+        4,
+    ),
     "parameters": TableShape(
         (
             _SET,

@@ -32,6 +32,7 @@ class Results:
     history: pd.DataFrame
     effects: pd.DataFrame
     weights: pd.DataFrame = field(default_factory=pd.DataFrame)
+    sign_split: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @cached_property
     def members(self) -> list[ParameterSet]:
@@ -110,7 +111,7 @@ def read_results(folder: Where, finished: bool = True) -> Results:
         The folder does not exist, holds no finished run, or a file of it is damaged or missing.
     """
     at = folder_of_run(folder, finished)
-    wanted = ("realisations", "history", "effects", "weights")
+    wanted = ("realisations", "history", "effects", "weights", "sign_split")
     tables = (_table(at, name) for name in wanted)
     return Results(study_of(at), *tables)
 

@@ -7,9 +7,11 @@ import pytest
 import toy
 
 from mcsettle.railway.track import PowerLaw
+from mcsettle.railway.traffic import Service
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.cycles import cycles_at, daily_weights
 from mcsettle.step_b.engine import engine_for
+from mcsettle.step_b.sign_split import joined_traffic, sign_split
 
 ADDED = (("passenger", 30), ("freight", 40))
 
@@ -88,3 +90,81 @@ def test_updates_passage_by_passage_refuse_the_flags():
 def test_flags_are_one_a_service_and_not_all_off(flags):
     with pytest.raises(ValueError, match="2 services"):
         replace(toy.case(ADDED), counted=flags)
+
+
+def split(base, other, **changes):
+    """The split of the change from the services ``base`` to ``other`` on 6 tracks."""
+    sides = [
+        [(Service(toy.TRAINS[t], toy.SPEEDS[t], n), toy.transfer(t)) for t, n in services]
+        for services in (base, other)
+    ]
+    traffic = joined_traffic(*sides)
+    names = [(s.train.name, s.per_day) for s in traffic.timetable.services]
+    return traffic, sign_split(toy.case(names, **changes), traffic, toy.profiles(range(6)))
+
+
+def test_what_is_kept_added_and_removed():
+    base, other = (("passenger", 72), ("car", 5)), (("freight", 2), ("passenger", 73))
+    traffic, _ = split(base, other)
+    runs = [(s.train.name, s.per_day) for s in traffic.timetable.services]
+    assert runs == [("freight", 2), ("passenger", 72), ("passenger", 1), ("car", 5)]
+    assert traffic.before == (False, True, False, True)
+    assert traffic.after == (True, True, True, False)
+    assert traffic.added == 2 * 12 + 12
+
+
+@pytest.mark.parametrize("cycles", ["shared", "per_vehicle"])
+def test_an_identical_train_roughens_as_one_of_the_baseline(cycles):
+    """ξ = 1 and the interval times 72/73, whatever the count."""
+    _, found = split((("car", 72),), (("car", 73),), cycles=cycles)
+    np.testing.assert_allclose(found.reduction, 100.0 / 73.0, rtol=1e-4)
+    np.testing.assert_allclose(found.roughening, 1.0, atol=2e-3)
+
+
+def test_break_even_is_that_of_the_law():
+    """One law N^b in all layers: ξ* = 1 − φ′(N)(N − N₀)/(φ(N) − φ(N₀)) at the end of the interval."""
+    b, services = 0.16, (("car", 72),)
+    laws = tuple(None if law is None else PowerLaw(0.3, b, 2.0, 1e5) for law in toy.LAWS)
+    _, found = split(services, (("car", 90),), laws=laws, settlement_factor=60.0)
+    end = days(toy.case(services, laws=laws, settlement_factor=60.0))[:6]
+    assert np.isfinite(end).all()
+    n = 1e5 + 72 * 4 * end
+    expected = 1.0 - b * n ** (b - 1.0) * (n - 1e5) / (n**b - 1e5**b)
+    np.testing.assert_allclose(found.break_even, expected, rtol=1e-5)
+    np.testing.assert_allclose(found.leverage, 1.0 / (1.0 - expected), rtol=1e-5)
+
+
+def test_a_law_linear_in_n_has_no_break_even():
+    laws = tuple(None if law is None else PowerLaw(1e-3, 0.9999, 2.0, 1e5) for law in toy.LAWS)
+    _, found = split((("car", 72),), (("car", 90),), laws=laws, horizon=1e5)
+    np.testing.assert_allclose(found.break_even, 0.0, atol=1e-3)
+    np.testing.assert_allclose(found.by_hardening, 0.0, atol=0.1)
+    np.testing.assert_allclose(found.by_roughening, found.reduction, atol=0.1)
+
+
+def test_per_vehicle_counting_hardens_nobody_else():
+    _, found = split((("passenger", 30),), ADDED, cycles="per_vehicle")
+    np.testing.assert_allclose(found.by_hardening, 0.0, atol=1e-3)
+    assert np.isnan(found.break_even).all()
+    assert (found.reduction > 0.0).all()
+
+
+def test_the_sign_turns_where_an_axle_roughens_less_than_the_break_even():
+    _, found = split((("freight", 40),), (("freight", 40), ("car", 40)))
+    assert np.isfinite(found.roughening).all()
+    np.testing.assert_array_equal(
+        found.reduction > 0.0, found.roughening > found.break_even, strict=True
+    )
+
+
+def test_a_replaced_train_changes_no_count():
+    """All trains replaced by others with as many axles: nothing hardens; ξ is the ratio of growths."""
+    _, found = split((("passenger", 20),), (("freight", 20),))
+    np.testing.assert_allclose(found.by_hardening, 0.0, atol=1e-3)
+    np.testing.assert_allclose(found.by_roughening, found.reduction, atol=1e-3)
+
+
+def test_what_outlives_the_horizon_is_not_split():
+    _, found = split((("car", 72),), (("car", 73),), horizon=1.0)
+    assert np.isnan(found.reduction).all()
+    assert np.isnan(found.leverage).all()

@@ -1,0 +1,134 @@
+"""The table ``sign_split``: what added services roughen and harden, by experiment on the first tracks.
+
+A study with parameter sets is split at its own values alone. The rows depend on nothing but the study, so
+whoever closes the run writes the same bytes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from mcsettle.errors import InputError
+from mcsettle.railway.scene import Scene
+from mcsettle.run.columns import joined, nullable
+from mcsettle.step_a.transfers import StepA, step_a
+from mcsettle.step_b.build_case import build_case
+from mcsettle.step_b.case import support_of
+from mcsettle.step_b.cycle_jump import Forms
+from mcsettle.step_b.sign_split import JoinedTraffic, SignSplit, joined_traffic, sign_split
+from mcsettle.storage import parquet, store
+from mcsettle.storage.location import Place
+from mcsettle.storage.provenance import Provenance
+from mcsettle.study.parameter_sets import ParameterSet
+from mcsettle.study.study import Study
+
+PAIRS = 64  # tracks of each scenario, fewer where the run has fewer
+TABLE, NAME = "sign_split", "sign_split.parquet"
+
+
+def write_sign_split(
+    at: Place,
+    study: Study,
+    members: Sequence[ParameterSet],
+    provenance: Provenance,
+    prepared: StepA | None = None,
+) -> None:
+    """Write the table, if a scenario adds services to the baseline; what is there already stays.
+
+    ``prepared``: Step A of the central set; None: from the cache folder, or computed.
+    """
+    if study.economics is None:
+        return
+    valid = next((member.study for member in members if not member.failure), study)
+    scenes = (valid if study.grounds_table else study).scenes  # as Step A of the run takes them
+    pairs = _pairs(scenes, study.economics.baseline)
+    n = min(study.run.realisations, PAIRS)
+    if pairs and _is_written(at, provenance, n):
+        return
+    at.remove(f"{TABLE}/{NAME}")
+    if not pairs:
+        return
+    prepared = prepared or step_a(scenes)
+    parts = []
+    for _, of_variant in groupby(pairs, key=lambda pair: pair[0].variant):
+        forms: Forms = {}  # of the trains, which the scenarios of a variant share
+        parts += [_columns(base, other, prepared, range(n), forms) for base, other in of_variant]
+    store.write(at, TABLE, NAME, joined(parts), provenance, 0, n - 1)
+
+
+def _pairs(scenes: Sequence[Scene], baseline: str) -> list[tuple[Scene, Scene]]:
+    """Baseline and scenario of every variant that can be split."""
+    bases = {scene.variant: scene for scene in scenes if scene.scenario == baseline}
+    found = []
+    for scene in scenes:
+        base, model = bases[scene.variant], scene.settlement
+        # Where N before counts the scenario's own mix it cannot be held while the traffic changes.
+        held = model.cycles != "equivalent" or model.equivalence_history != "mix"
+        if scene is not base and held and _adds(base, scene):
+            found.append((base, scene))
+    return found
+
+
+def _adds(base: Scene, other: Scene) -> bool:
+    """Whether a scenario has services that the baseline has not, or not as often."""
+    trains: dict[Any, int] = {}
+    for sign, scene in ((-1, base), (1, other)):
+        for s in scene.timetable.services:
+            trains[s.train, s.speed] = trains.get((s.train, s.speed), 0) + sign * s.per_day
+    return any(n > 0 for n in trains.values())
+
+
+def _columns(
+    base: Scene, other: Scene, prepared: StepA, indices: range, forms: Forms
+) -> dict[str, Any]:
+    """Rows of one scenario in one variant."""
+    traffic, scene, joint = _joined(base, other, prepared)
+    case = build_case(scene, joint)
+    profiles = scene.profiles.sample(indices)
+    found = sign_split(case, traffic, profiles, support_of(scene, indices, profiles), forms)
+    n = len(indices)
+    return {
+        "variant": [scene.variant] * n,
+        "scenario": [scene.scenario] * n,
+        "baseline": [base.scenario] * n,
+        "realisation": np.arange(n) + indices.start,
+        "status": ["censored" if np.isnan(v) else "paired" for v in found.reduction],
+        **_numbers(found),
+    }
+
+
+def _joined(base: Scene, other: Scene, prepared: StepA) -> tuple[JoinedTraffic, Scene, StepA]:
+    """The services of both scenes as one scene, and its Step A."""
+    of_base, of_other = ((s.variant, s.scenario) for s in (base, other))
+    traffic = joined_traffic(
+        list(zip(base.timetable.services, prepared.transfers[of_base], strict=True)),
+        list(zip(other.timetable.services, prepared.transfers[of_other], strict=True)),
+    )
+    scene = replace(other, timetable=traffic.timetable)
+    return traffic, scene, StepA({**prepared.transfers, of_other: traffic.transfers})
+
+
+def _numbers(found: SignSplit) -> dict[str, list[float | None]]:
+    names = {
+        "reduction": "reduction_percent",
+        "by_roughening": "reduction_by_roughening_percent",
+        "by_hardening": "reduction_by_hardening_percent",
+        "roughening": "roughening_ratio",
+        "break_even": "break_even_ratio",
+        "leverage": "leverage",
+    }
+    return {column: nullable(getattr(found, name)) for name, column in names.items()}
+
+
+def _is_written(at: Place, provenance: Provenance, n: int) -> bool:
+    """Whether the table is there, of this run and of ``n`` tracks."""
+    try:
+        stored = parquet.decode(at.read(f"{TABLE}/{NAME}"), NAME).schema.metadata or {}
+    except (FileNotFoundError, InputError):
+        return False
+    wanted = {key: str(value) for key, value in asdict(provenance).items()}
+    wanted["index_range"] = f"0-{n - 1}"
+    return {key.decode(): value.decode() for key, value in stored.items()} == wanted

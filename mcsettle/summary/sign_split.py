@@ -1,0 +1,70 @@
+"""Why an effect has its sign: the table ``sign_split`` in numbers, and the share of shorter intervals."""
+
+import numpy as np
+
+from mcsettle.estimate.estimate import Estimate, Statistic
+from mcsettle.estimate.sample import summarise_effects
+from mcsettle.summary.results import CENSORED, INTERVAL, Results
+from mcsettle.summary.summary import SummaryRow
+
+SHORTENS = "interval_shortens"
+# Metric, column of the table, unit.
+SIGNS = (
+    ("reduction_by_both_percent", "reduction_percent", "%"),
+    ("reduction_by_roughening_percent", "reduction_by_roughening_percent", "%"),
+    ("reduction_by_hardening_percent", "reduction_by_hardening_percent", "%"),
+    ("roughening_ratio", "roughening_ratio", "1"),
+    ("break_even_ratio", "break_even_ratio", "1"),
+    ("leverage", "leverage", "1"),
+)
+
+
+def sign_rows(results: Results) -> list[SummaryRow]:
+    """Quantiles of the split over the tracks, and P(interval shortens), of each scenario split.
+
+    The last row of a scenario, ``interval_shortens``, has a single statistic: the share of all pairs,
+    pooled over parameter sets, whose interval shortens.
+    """
+    table = results.sign_split
+    if table.empty:
+        return []
+    rows = []
+    for variant in results.study.variant_names:
+        for scenario in results.study.scenario_names:
+            own = table[(table["variant"] == variant) & (table["scenario"] == scenario)]
+            if own.empty:
+                continue
+            for metric, column, unit in SIGNS:
+                values = own[column].to_numpy(dtype=float, na_value=np.nan)
+                found = tuple(summarise_effects(values, unit))
+                rows.append(SummaryRow(variant, scenario, metric, unit, found))
+            share = shortening(results, variant, scenario, str(own["baseline"].iloc[0]))
+            statistic = Statistic("share", None, share)
+            rows.append(SummaryRow(variant, scenario, SHORTENS, "1", (statistic,)))
+    return rows
+
+
+def shortening(results: Results, variant: str, scenario: str, baseline: str) -> Estimate:
+    """Share of the pairs whose interval shortens, pooled over parameter sets.
+
+    Limits are its least and largest value, censored pairs being unknown; no value where they differ.
+    """
+    keys = ["parameter_set", "realisation"]
+    base, other = (
+        results.part("realisations", variant, name).set_index(keys)[["status", INTERVAL, CENSORED]]
+        for name in (baseline, scenario)
+    )
+    pairs = base.join(other.add_suffix("_other"))
+    pairs = pairs[(pairs["status"] != "failed") & (pairs["status_other"] != "failed")]
+    names = (INTERVAL, CENSORED, f"{INTERVAL}_other", f"{CENSORED}_other")
+    days, end, other_days, other_end = (
+        pairs[name].to_numpy(dtype=float, na_value=np.nan) for name in names
+    )
+    n, unknown = len(pairs), int(np.sum(np.isnan(days) | np.isnan(other_days)))
+    if n == 0:
+        return Estimate(None, None, None, None, 0, 0, "1", "no pairs")
+    least = np.nan_to_num(other_days, nan=np.inf) < np.where(np.isnan(days), end, days)
+    most = np.where(np.isnan(other_days), other_end, other_days) < np.nan_to_num(days, nan=np.inf)
+    low, high = float(np.mean(least)), float(np.mean(most))
+    note = "limits: least and largest share, censored pairs being unknown"
+    return Estimate(low if low == high else None, low, high, None, n, unknown, "1", note)
