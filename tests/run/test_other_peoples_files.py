@@ -15,6 +15,7 @@ from mcsettle.errors import InputError
 from mcsettle.railway.irregularity import sample_profiles, to_space, wavenumbers
 from mcsettle.railway.spectra import spectrum
 from mcsettle.run.close import gather
+from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import _write_study, run_study
 from mcsettle.run.shards import all_shards
 from mcsettle.run.status import refuse_smaller, survey
@@ -177,7 +178,7 @@ def test_scenarios_of_any_name_are_run_and_resumed(tmp_path):
     for names in (("set2", "v"), ("a--b", "a-b-90827a2e")):
         study = renamed(*names)
         folder = run_study(study, tmp_path / names[0]).folder
-        assert run_study(study, folder, realisations=3).n_computed == 2
+        assert run_study(study, folder, RunOptions(realisations=3)).n_computed == 2
         assert gather(folder).finished
         rows = read_results(folder).realisations
         assert rows.groupby("scenario").size().to_dict() == dict.fromkeys(names, 3)

@@ -115,8 +115,11 @@ def test_a_run_goes_on_and_reports_by_segment(folder: Path, fresh_cache: Path) -
     assert failed["failure"].str.contains("no settlement law for 'peat'").all()
     # The folder stands alone: files beside the study are in it.
     assert summary_rows(read_results(out))
-    for name in ("layers.csv", "weights.csv"):
-        assert (out / name).read_bytes() == (folder / name).read_bytes()
+    for key in ("layers", "weights"):
+        name = f"{key}.csv"
+        assert (out / "inputs" / f"grounds.{key}" / name).read_bytes() == (
+            folder / name
+        ).read_bytes()
 
     report = ground_report(out)
     rows = {row.segment: row for row in report.rows}
