@@ -40,7 +40,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def results(fresh_cache, study, tmp_path_factory):
-    return run_study(study, tmp_path_factory.mktemp("own") / "out", shard_size=2).folder
+    return run_study(study, tmp_path_factory.mktemp("own") / "out", RunOptions(shard_size=2)).folder
 
 
 def test_a_folder_of_something_else_is_refused_before_anything_is_computed(
@@ -63,7 +63,7 @@ def test_what_a_run_that_was_killed_at_once_has_left_is_gone_on_with(study, resu
     folder = tmp_path / "out"
     shutil.copytree(results / ".locks", folder / ".locks")
     shutil.copytree(results / ".log", folder / ".log")
-    run_study(study, folder, shard_size=2)
+    run_study(study, folder, RunOptions(shard_size=2))
     assert survey(folder).finished
 
 
