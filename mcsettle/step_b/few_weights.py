@@ -53,7 +53,10 @@ def few_weights(case: Case, form: SettlementForm, multipliers: np.ndarray) -> Fe
     for key in dict.fromkeys(keys):
         members = np.array([own == key for own in keys])
         rows = weights[:, members]
-        _, size, v = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+        norms = np.linalg.norm(rows, axis=1, keepdims=True)
+        if not norms.any():  # a service that settles nothing
+            continue
+        _, size, v = np.linalg.svd(rows / np.where(norms > 0.0, norms, 1.0))
         few = v[: int(np.sum(size > TOLERANCE * size[0]))]
         block = np.zeros((len(few), len(keys)))
         block[:, members] = few

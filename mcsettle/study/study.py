@@ -221,9 +221,9 @@ class Study(StudyObjects):
 
     def _with_digests(self, folder: Path | None) -> tuple[Self, list[Fault]]:
         """The study with the digests of the files it names, and the faults of those names."""
-        self._folder = folder
-        if self.profile.file is None and self.grounds_table is None:
+        if self.profile.file is None and self.grounds_table is None and self.line is None:
             return self, []
+        self._folder = folder
         if self.grounds_table is None:
             profile, faults = profile_with_digest(self.profile, self.locate)
             return self.model_copy(update={"profile": profile}), faults

@@ -21,6 +21,7 @@ from mcsettle.storage import store
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import load_study
 from mcsettle.summary.results import Results, read_results
+from mcsettle.summary.sign_split import sign_rows
 from mcsettle.summary.summary import summary_rows, tonnage_rows
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -158,7 +159,8 @@ def test_growing_goes_on_from_the_rows_that_are_there(study, tmp_path, monkeypat
 
     monkeypatch.setattr(InitialProfiles, "sample", recorded)
     run_study(study, tmp_path)
-    assert set(asked) == {compute.CHECKED, range(3, N)}
+    # The last asks for all of them: the split of the effect, when the run is closed.
+    assert set(asked) == {compute.CHECKED, range(3, N), range(N)}
 
 
 def test_fewer_sets_than_held_are_refused(study, finished):
@@ -168,7 +170,8 @@ def test_fewer_sets_than_held_are_refused(study, finished):
 
 def test_the_summary_is_a_table(finished):
     told = store.read(finished.folder, "summary").to_pandas()
-    rows = summary_rows(read_results(finished.folder))
+    results = read_results(finished.folder)
+    rows = [*summary_rows(results), *sign_rows(results)]
     assert len(told) == sum(len(r.statistics) + len(r.spread) for r in rows)
     own = told[(told["scenario"] == "v225") & (told["metric"] == "tamping_interval_days")]
     days = table(finished.folder, "realisations", "v225")["tamping_interval_days"]

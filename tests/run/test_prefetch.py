@@ -23,6 +23,7 @@ from mcsettle.study.study import load_study
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 pytestmark = pytest.mark.usefixtures("fresh_cache")
+PROCESSES = True  # others go on with what is computed here
 
 
 @pytest.fixture
