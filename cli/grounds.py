@@ -79,7 +79,7 @@ def report_lines(report: "GroundReport") -> Iterator[str]:
     yield f"{report.study.title}: {report.variant}, {report.scenario}"
     yield (
         f"{'segment':>10} {'run':>4} {'failed':>6} {'known':>6} {'P5':>9} {'P50':>9} {'P95':>9}  days;"
-        f" {'cost P50':>10} {'mean':>10} GBP/track-km; {'marginal':>9}"
+        f" {'cost P50':>10} {'mean':>10} {report.study.currency}/track-km; {'marginal':>9}"
     )
     for row in (*report.rows, report.line):
         days = " ".join(f"{shown(value):>9}" for value in row.days)
@@ -100,6 +100,7 @@ def report_json(report: "GroundReport") -> str:
         "title": report.study.title,
         "variant": report.variant,
         "scenario": report.scenario,
+        "currency": report.study.currency,
         "segments": [_row(row) for row in report.rows],
         "line": _row(report.line),
         "failures": list(report.reasons),
@@ -125,8 +126,8 @@ def _row(row: "SegmentRow") -> dict[str, Any]:
         "failed": row.failed,
         "known_probability": row.known,
         "tamping_interval_days": [_finite(v) for v in row.days],
-        "present_cost_gbp_per_track_km": [_finite(v) for v in row.cost],
-        "mean_present_cost_gbp_per_track_km": _finite(row.mean_cost),
+        "present_cost_per_track_km": [_finite(v) for v in row.cost],
+        "mean_present_cost_per_track_km": _finite(row.mean_cost),
         "mean_marginal_cost": _finite(row.marginal),
     }
 

@@ -64,7 +64,8 @@ def life_lines(found: Sequence["Life"]) -> Iterator[str]:
                 yield f"{text:<34}{'–':>20} (without discounting it has no end)"
             elif len(known):
                 yield f"{text:<34}{'–':>20} (known of {len(known)} of {len(values)}, the shortest-lived)"
-    yield "Costs are GBP/track-km; marginal costs in the unit of the study's effect."
+    units = dict.fromkeys(life.unit for life in found if life.unit)
+    yield f"Costs are {found[0].currency}/track-km; marginal costs {', '.join(units) or 'are unknown'}."
 
 
 def life_json(found: Sequence["Life"]) -> str:
@@ -76,6 +77,7 @@ def life_json(found: Sequence["Life"]) -> str:
             "tracks": len(life.cost),
             "open": int(life.sequence.open.sum()),
             "unit": life.unit,
+            "currency": life.currency,
             "rows": {text: _numbers(values) for text, values in _rows(life)},
         }
         for life in found
@@ -104,10 +106,11 @@ def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
                 own
                 | {
                     "realisation": r,
+                    "currency": life.currency,
                     "tampings": int(life.sequence.count[r]),
                     "open": bool(life.sequence.open[r]),
-                    "present_cost_gbp_per_track_km": life.cost[r],
-                    "present_cost_eq4_gbp_per_track_km": life.constant[r],
+                    "present_cost_per_track_km": life.cost[r],
+                    "present_cost_eq4_per_track_km": life.constant[r],
                     "marginal_cost": life.marginal[r],
                     "marginal_cost_eq8_9": life.marginal_constant[r],
                 }

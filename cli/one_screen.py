@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import narrowed_by, stress_remarks
 from mcsettle.report.charging import headline_unit, marginal_train
-from mcsettle.report.money import Money, currency_of, money_for
+from mcsettle.report.money import Money, money_for
 from mcsettle.report.price_words import (
     USE,
     interval_change,
@@ -76,7 +76,7 @@ def _size(results: "Results", answers: "Answers") -> str:
     parts += [f"{n} model form{'s' if n > 1 else ''}", f"seed {study.seed}"]
     if study.economics is not None:
         year = study.economics.price_base_year
-        parts.append(currency_of(study) + (f" of {year}" if year else ", base year unknown"))
+        parts.append(study.currency + (f" of {year}" if year else ", base year unknown"))
     return " · ".join(parts)
 
 
@@ -176,7 +176,7 @@ def _money(answers: "Answers", units: "dict[str, PriceUnit]") -> Money:
         for amount in (effect.price.value, effect.at_most)
         if name in units and amount is not None
     ]
-    return money_for(currency_of(answers.study), amounts)
+    return money_for(answers.study.currency, amounts)
 
 
 def _range(ends: tuple[float, float] | None, factor: float, places: int | None) -> str:

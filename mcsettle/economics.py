@@ -1,6 +1,6 @@
 """What a change of speed or tonnage costs: present value, elasticity, marginal cost, Eqs. (4)–(9).
 
-Intervals are in years of 365 days, money in GBP per track-km. A change of traffic during the first
+Intervals are in years of 365 days, money in any currency. A change of traffic during the first
 tamping interval brings every later tamping forward by the same time; the marginal cost is the
 derivative of the present value with respect to the first interval, the later ones held, times the
 change of that interval by Eq. (7). An elasticity keeps its sign: more traffic that shortens the
@@ -21,8 +21,7 @@ from mcsettle.units import DAYS_PER_YEAR
 
 Number = float | np.ndarray
 
-SPEED_UNIT = "GBP per km/h per 1000 train-km"
-TONNAGE_UNIT = "GBP per 1000 tonne-km"
+PER_SPEED, PER_TONNAGE = "per km/h per 1000 train-km", "per 1000 tonne-km"
 _BEYOND = np.geomspace(1.0, 100.0, 200)  # horizons, over which a censored baseline is tried
 
 
@@ -33,13 +32,13 @@ def perpetual_present_value(
 
     Parameters
     ----------
-    tamping_cost : float or ndarray, GBP/track-km
+    tamping_cost : float or ndarray, currency/track-km
     discount_rate : float or ndarray, 1/year; at 0 the sum has no end and the value is infinite
     interval : float or ndarray, years
 
     Returns
     -------
-    ndarray, GBP/track-km.
+    ndarray, currency/track-km.
 
     Examples
     --------
@@ -62,7 +61,7 @@ def present_value(
 
     Parameters
     ----------
-    tamping_cost : float or ndarray, GBP/track-km
+    tamping_cost : float or ndarray, currency/track-km
     discount_rate : float or ndarray, 1/year, positive
     first_interval, later_interval : float or ndarray, years
         T, the time of the first tamping, and the constant interval after it.
@@ -71,7 +70,7 @@ def present_value(
 
     Returns
     -------
-    ndarray, GBP/track-km.
+    ndarray, currency/track-km.
     """
     wait = np.asarray(first_interval, dtype=float) - observed
     perpetual = perpetual_present_value(tamping_cost, discount_rate, later_interval)
@@ -85,14 +84,14 @@ def present_value_slope(
 
     Parameters
     ----------
-    tamping_cost : float or ndarray, GBP/track-km
+    tamping_cost : float or ndarray, currency/track-km
     discount_rate : float or ndarray, 1/year; at 0 the limit −c/T is returned
     interval : float or ndarray, years
     observed : float or ndarray, years
 
     Returns
     -------
-    ndarray, GBP/track-km per year, negative: a later tamping is a cheaper one.
+    ndarray, currency/track-km per year, negative: a later tamping is a cheaper one.
     """
     rate, years = np.broadcast_arrays(
         np.asarray(discount_rate, dtype=float), np.asarray(interval, dtype=float)
@@ -142,7 +141,7 @@ def marginal_cost(
     elasticity : float or ndarray
     base_interval : float or ndarray, years
         T of the baseline.
-    tamping_cost : float or ndarray, GBP/track-km
+    tamping_cost : float or ndarray, currency/track-km
     discount_rate : float or ndarray, 1/year
     divisor : float or ndarray
         d, the yearly quantity the cost is spread over; it sets the unit of the result
@@ -151,7 +150,7 @@ def marginal_cost(
 
     Returns
     -------
-    ndarray, GBP per unit of ``divisor`` per year and track-km.
+    ndarray, currency per unit of ``divisor`` per year and track-km.
     """
     slope = present_value_slope(tamping_cost, discount_rate, base_interval, observed)
     return np.asarray(slope * elasticity / divisor)
@@ -192,7 +191,12 @@ class Change:
             )
 
 
-def speed_change(base_kmh: float, changed_kmh: float, trains_thousand_per_year: float) -> Change:
+def speed_change(
+    base_kmh: float,
+    changed_kmh: float,
+    trains_thousand_per_year: float,
+    currency: str = "GBP",
+) -> Change:
     """Change of linespeed [km/h]; the cost is per km/h, at the *new* speed, per 1000 train-km.
 
     Raises
@@ -201,11 +205,14 @@ def speed_change(base_kmh: float, changed_kmh: float, trains_thousand_per_year: 
         If a number is not positive or the speeds are equal.
     """
     divisor = changed_kmh * trains_thousand_per_year
-    return Change("speed", base_kmh, changed_kmh, divisor, SPEED_UNIT)
+    return Change("speed", base_kmh, changed_kmh, divisor, f"{currency} {PER_SPEED}")
 
 
 def tonnage_change(
-    base_mgt_per_day: float, changed_mgt_per_day: float, changed_mgt_per_year: float | None = None
+    base_mgt_per_day: float,
+    changed_mgt_per_day: float,
+    changed_mgt_per_year: float | None = None,
+    currency: str = "GBP",
 ) -> Change:
     """Change of tonnage [MGT/day]; the cost is per 1000 tonne-km of the *new* yearly tonnage.
 
@@ -219,7 +226,8 @@ def tonnage_change(
     if changed_mgt_per_year is None:
         changed_mgt_per_year = DAYS_PER_YEAR * changed_mgt_per_day
     thousand_tonnes = 1e3 * changed_mgt_per_year
-    return Change("tonnage", base_mgt_per_day, changed_mgt_per_day, thousand_tonnes, TONNAGE_UNIT)
+    unit = f"{currency} {PER_TONNAGE}"
+    return Change("tonnage", base_mgt_per_day, changed_mgt_per_day, thousand_tonnes, unit)
 
 
 @dataclass(frozen=True)
@@ -260,7 +268,7 @@ def paired_effects(
     base_censored_at, censored_at : ndarray, shape [R], days
         Horizon where the limit was not reached, NaN elsewhere; NaN in both marks a failure.
     change : Change
-    tamping_cost : float or ndarray [R], GBP/track-km
+    tamping_cost : float or ndarray [R], currency/track-km
     discount_rate : float or ndarray [R], 1/year
 
     Returns

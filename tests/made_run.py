@@ -58,7 +58,7 @@ def write(folder: Path, made: Study, days: dict[str, Any], failed: tuple[int, ..
         for scenario, d in values.items():
             _shard(folder, made, provenance, variant, scenario, d, ends[scenario], bad)
         _effects(folder, made, provenance, variant, values, ends)
-    store.finish(folder)
+    store.finish(folder, made.currency)
     return folder
 
 
@@ -113,9 +113,9 @@ def _effects(folder, made, provenance, variant, values, ends) -> None:
         base = prices.baseline
         effects = paired_effects(
             values[base], days, ends[base], ends[scenario], change,
-            prices.tamping_cost_gbp_per_track_km, prices.discount_rate,
+            prices.tamping_cost_per_track_km, prices.discount_rate,
         )  # fmt: skip
         member, n = all_sets(made)[0], len(days)
         columns = rows.effect_columns(member, variant, scenario, range(n), effects)
         name = shard_name(variant, scenario, 0, n - 1)
-        store.write(folder, "effects", name, columns, provenance, 0, n - 1)
+        store.write(folder, "effects", name, columns, provenance, 0, n - 1, made.currency)

@@ -159,7 +159,7 @@ N0 = {
 }
 LOAD = {"input": "trains.passenger.axle_load_t", "distribution": "normal", "mean": 17, "sd": 0.85}
 COST = {
-    "input": "economics.tamping_cost_gbp_per_track_km",
+    "input": "economics.tamping_cost_per_track_km",
     "distribution": "lognormal",
     "median": 5600,
     "log_sd": 0.395,

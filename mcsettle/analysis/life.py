@@ -39,11 +39,11 @@ _SHAPE_STREAM = 0x54A9E
 
 @dataclass(frozen=True)
 class Life:
-    """One variant and scenario: the tampings of R tracks and what they cost [GBP/track-km].
+    """One variant and scenario: the tampings of R tracks and what they cost [currency/track-km].
 
     ``cost`` of the sequence, ``constant`` by Eq. (4) with the first interval; ``marginal`` cost of the
     sequence and ``marginal_constant`` by Eqs. (8), (9), in ``unit`` (NaN for the baseline, and where a
-    first interval is unknown); ``sd_after`` [R, C] m after each further tamping.
+    first interval is unknown); costs in ``currency``; ``sd_after`` [R, C] m after each further tamping.
     """
 
     variant: str
@@ -55,6 +55,7 @@ class Life:
     marginal: np.ndarray
     marginal_constant: np.ndarray
     unit: str
+    currency: str
 
 
 def lives(
@@ -207,7 +208,7 @@ def _priced(
     """Costs of one scenario, and its marginal costs against the baseline's tracks."""
     economics = study.priced
     assert economics is not None
-    money = (economics.tamping_cost_gbp_per_track_km, economics.discount_rate)
+    money = (economics.tamping_cost_per_track_km, economics.discount_rate)
     sequence, after = own[scenario]
     change = study.change(scenario)
     marginal = marginal_constant = np.full(len(after), np.nan)
@@ -227,4 +228,5 @@ def _priced(
         marginal,
         marginal_constant,
         "" if change is None else change.unit,
+        economics.currency,
     )

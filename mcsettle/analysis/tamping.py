@@ -96,7 +96,7 @@ class Sequence:
 
 
 def present_cost(sequence: Sequence, tamping_cost: float, discount_rate: float) -> np.ndarray:
-    """Present value [R] GBP/track-km of tamping now and at the times of ``sequence``.
+    """Present value [R] currency/track-km of tamping now and at the times of ``sequence``.
 
     Without renewal the last interval goes on for ever, Eq. (4) from the last tamping on. With one the
     life repeats: the sum over a life over 1 − e^{−rL}. Where a realisation is open what is missing
@@ -119,12 +119,12 @@ def present_cost(sequence: Sequence, tamping_cost: float, discount_rate: float) 
 
 
 def constant_cost(sequence: Sequence, tamping_cost: float, discount_rate: float) -> np.ndarray:
-    """Eq. (4) [R] GBP/track-km with every interval as long as the first; NaN without a first one."""
+    """Eq. (4) [R] currency/track-km with every interval as long as the first; NaN without a first one."""
     return perpetual_present_value(tamping_cost, discount_rate, sequence.first)
 
 
 def present_cost_slope(sequence: Sequence, tamping_cost: float, discount_rate: float) -> np.ndarray:
-    """∂PV/∂T₁ [R] GBP/track-km per year: the first interval moved, the later ones held.
+    """∂PV/∂T₁ [R] currency/track-km per year: the first interval moved, the later ones held.
 
     Every tamping of this life that follows moves with the first; Eq. (6) is the case of intervals all
     alike and no renewal. Without discounting, the limit: a life with a renewal costs the same whenever

@@ -126,7 +126,7 @@ def _effects(
         base[1],
         own[1],
         change,
-        prices.tamping_cost_gbp_per_track_km,
+        prices.tamping_cost_per_track_km,
         prices.discount_rate,
     )
     sound = effects.status != "failed"

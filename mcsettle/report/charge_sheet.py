@@ -12,7 +12,6 @@ import numpy as np
 
 from mcsettle.report.charging import KM_PER_MILE, price_units
 from mcsettle.report.material import Material
-from mcsettle.report.money import currency_of
 from mcsettle.report.price_words import USE
 from mcsettle.units import DAYS_PER_YEAR
 
@@ -65,7 +64,7 @@ def _pairs(material: Material, form: str, scenario: str) -> PairColumns:
         change, money = study.change(scenario), study.priced
         assert change is not None
         assert money is not None
-        cost = money.tamping_cost_gbp_per_track_km / priced.tamping_cost_gbp_per_track_km
+        cost = money.tamping_cost_per_track_km / priced.tamping_cost_per_track_km
         factors[e] = of_sets[e] * cost / change.divisor
     share = of_sets[sets].mean()
     return PairColumns(
@@ -108,7 +107,7 @@ def write_charges(book: Any, material: Material) -> None:
             row += 1
             continue
         own = line_mean(
-            forms[form, scenario], priced.tamping_cost_gbp_per_track_km, priced.discount_rate
+            forms[form, scenario], priced.tamping_cost_per_track_km, priced.discount_rate
         )
         for label, factor in _units(material, scenario):
             for column, text in enumerate((scenario, form, label)):
@@ -127,14 +126,14 @@ def write_charges(book: Any, material: Material) -> None:
 
 def _write_inputs(book: Any, page: Any, material: Material) -> None:
     """The cells that may be changed, each with what it is."""
-    priced, code = material.study.priced, currency_of(material.study)
+    priced, code = material.study.priced, material.study.currency
     assert priced is not None
     year = priced.price_base_year
     free = book.add_format({"bg_color": "#FFF2CC", "border": 1})
     page.write_string(0, 0, "Change the shaded cells: the prices follow.",
                       book.add_format({"bold": True}))  # fmt: skip
     rows: list[tuple[str, float | str, str]] = [
-        ("tamping cost", priced.tamping_cost_gbp_per_track_km, f"{code} per track-km"),
+        ("tamping cost", priced.tamping_cost_per_track_km, f"{code} per track-km"),
         ("discount rate", priced.discount_rate, "1/year; 0 is no discounting"),
         ("price level", 1.0, f"over that of {year}" if year else "over that of the study's prices"),
         ("currency", code, "of the prices below"),

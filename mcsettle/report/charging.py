@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mcsettle.estimate.estimate import Estimate
-from mcsettle.report.money import currency_of, symbol
+from mcsettle.report.money import symbol
 from mcsettle.report.words import mostly_known
 from mcsettle.study.study import Study
 from mcsettle.summary.summary import SummaryRow
@@ -116,7 +116,7 @@ def charges(material: "Material", scenario: str) -> list[Charge]:
     if row is None or not mostly_known(row):
         return []
     units = price_units(material.study, scenario, material.miles)
-    sign = symbol(currency_of(material.study))
+    sign = symbol(material.study.currency).strip()
     return [Charge(scenario, f"{sign} per {unit.label}", row, unit.factor) for unit in units]
 
 

@@ -24,7 +24,7 @@ from mcsettle.report.outgoing import csv_cell, plain
 from mcsettle.report.register import entries
 from mcsettle.run.columns import summary_columns
 from mcsettle.storage.marks import NAME, write_marked
-from mcsettle.storage.tables import TABLES
+from mcsettle.storage.tables import TABLES, in_currency
 from mcsettle.units import MGT
 
 MOST_ROWS = 1_048_575  # of a worksheet, its heading left out
@@ -60,7 +60,7 @@ def sheets(material: Material) -> list[Sheet]:
         _frame("realisations", material.results.realisations),
         _inputs(material),
         _scenarios(material),
-        _columns(),
+        _columns(material.study.currency),
     ]
     return [sheet for sheet in found if sheet.columns]
 
@@ -179,7 +179,7 @@ def _about(material: Material) -> Sheet:
     rows: list[tuple[Any, ...]] = [("title", study.title), ("answer's variant", material.variant)]
     if economics is not None:
         rows += [
-            ("currency", "GBP"),
+            ("currency", economics.currency),
             ("price base year", economics.price_base_year or "not stated"),
             ("baseline", economics.baseline),
         ]
@@ -232,9 +232,9 @@ def _scenarios(material: Material) -> Sheet:
     return Sheet("scenarios", names, tuple(rows))
 
 
-def _columns() -> Sheet:
+def _columns(currency: str) -> Sheet:
     rows = [
-        (table, column.name, str(column.type), column.unit, column.meaning)
+        (table, column.name, str(column.type), in_currency(column.unit, currency), column.meaning)
         for table in ("summary", "effects", "realisations")
         for column in TABLES[table].columns
     ]

@@ -6,7 +6,7 @@ from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import narrowed_by, stress_remarks
 from mcsettle.report.form_bars import MOST_LINES, form_bars
 from mcsettle.report.material import Material
-from mcsettle.report.money import currency_of, symbol
+from mcsettle.report.money import symbol
 from mcsettle.report.page import Block, Bullets, Columns, Lead, Table, Text
 from mcsettle.report.price_words import answer_sentence, interval_change, prices, span, tamped_on
 from mcsettle.report.words import cut
@@ -84,9 +84,9 @@ def interval_table(material: Material) -> Table:
 def _price_of(material: Material) -> Iterator[str]:
     priced = material.study.priced
     assert priced is not None
-    sign = symbol(currency_of(material.study))
+    sign = symbol(material.study.currency)
     yield (
-        f"Tamping alone, {sign}{priced.tamping_cost_gbp_per_track_km:g} a track-km, discounted at "
+        f"Tamping alone, {sign}{priced.tamping_cost_per_track_km:g} a track-km, discounted at "
         f"{100.0 * priced.discount_rate:g} % a year; no renewal, wear or delays."
     )
     yield "Mean over the sections of a line. Single sections differ far more; that is no error."

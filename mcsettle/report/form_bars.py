@@ -9,7 +9,7 @@ from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import told_apart
 from mcsettle.report.charging import PriceUnit, headline_unit
 from mcsettle.report.material import Material
-from mcsettle.report.money import currency_of, money_for
+from mcsettle.report.money import money_for
 from mcsettle.report.page import Bar, BarRow, Bars
 from mcsettle.report.price_words import (
     interval_change,
@@ -79,7 +79,7 @@ def _units(material: Material, scenarios: list[str]) -> tuple[str, str, dict[str
         for amount in (effect.price.value, effect.at_most)
         if name in units and amount is not None
     ]
-    money = money_for(currency_of(study), prices)
+    money = money_for(study.currency, prices)
     scaled = {name: scaled_unit(unit, money.scale) for name, unit in units.items()}
     return units[scenarios[0]].label, (money.word or money.sign).strip(), scaled
 

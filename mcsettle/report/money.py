@@ -4,11 +4,40 @@ import math
 from dataclasses import dataclass
 
 from mcsettle.estimate.rounding import number
-from mcsettle.study.study import Study
 
-# Symbol and the name of a hundredth, where both are common.
-SIGNS = {"GBP": ("£", "pence"), "EUR": ("€", "cents"), "USD": ("$", "cents")}
-NAMES = {"GBP": "pounds sterling", "EUR": "euros", "USD": "US dollars"}
+SIGNS = {
+    **{
+        "GBP": "£",
+        "EUR": "€",
+        "USD": "$",
+        "AUD": "A$",
+        "CAD": "C$",
+        "NZD": "NZ$",
+        "JPY": "¥",
+        "CNY": "CN¥",
+    },
+    **{
+        "INR": "₹",
+        "KRW": "₩",
+        "ILS": "₪",
+        "NGN": "₦",
+        "PHP": "₱",
+        "TRY": "₺",
+        "UAH": "₴",
+        "VND": "₫",
+    },
+}
+HUNDREDTHS = {"GBP": "pence", **dict.fromkeys(("EUR", "USD", "AUD", "CAD", "NZD"), "cents")}
+NAMES = {
+    **{"GBP": "pounds sterling", "EUR": "euros", "USD": "US dollars", "AUD": "Australian dollars"},
+    **{
+        "CAD": "Canadian dollars",
+        "NZD": "New Zealand dollars",
+        "CHF": "Swiss francs",
+        "JPY": "yen",
+    },
+    **{"SEK": "Swedish kronor", "NOK": "Norwegian kroner", "DKK": "Danish kroner", "INR": "rupees"},
+}
 MOST_DIGITS = 2  # significant digits of an amount in a sentence
 
 
@@ -29,25 +58,20 @@ class Money:
         return f"{self.sign}{number(abs(value) * self.scale, places)}{self.word}"
 
 
-def currency_of(study: Study) -> str:
-    """Currency of the study's prices, an ISO 4217 code."""
-    return "GBP" if study.economics is not None else ""
-
-
 def symbol(currency: str) -> str:
     """What stands before an amount: a sign, or the code and a space.
 
     >>> symbol("GBP"), symbol("SEK")
     ('£', 'SEK ')
     """
-    return SIGNS[currency][0] if currency in SIGNS else f"{currency} "
+    return SIGNS.get(currency, f"{currency} ")
 
 
 def money_for(currency: str, amounts: list[float]) -> Money:
     """Whole units, or hundredths where every amount is below one unit."""
     largest = max((abs(amount) for amount in amounts), default=0.0)
-    if currency in SIGNS and 0.0 < largest < 0.995:
-        return Money("", f" {SIGNS[currency][1]}", 100.0)
+    if currency in HUNDREDTHS and 0.0 < largest < 0.995:
+        return Money("", f" {HUNDREDTHS[currency]}", 100.0)
     return Money(symbol(currency), "", 1.0)
 
 

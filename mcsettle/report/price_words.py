@@ -5,7 +5,7 @@ from datetime import date, timedelta
 
 from mcsettle.estimate.rounding import decimals, number
 from mcsettle.report.charging import MarginalTrain, PriceUnit, headline_unit, marginal_train
-from mcsettle.report.money import NAMES, about, between, currency_of
+from mcsettle.report.money import NAMES, about, between, symbol
 from mcsettle.report.words import cut
 from mcsettle.study.study import Study
 from mcsettle.summary.answers import Answers
@@ -35,7 +35,7 @@ def prices(study: Study) -> str:
     economics = study.economics
     if economics is None:
         return ""
-    code, year = currency_of(study), economics.price_base_year
+    code, year = study.currency, economics.price_base_year
     base = f"prices of {year}" if year else "price base year not stated"
     name = f"{NAMES[code]} ({code})" if code in NAMES else code
     return f"{name}, {base}"
@@ -46,7 +46,7 @@ def answer_sentence(
 ) -> tuple[str, Verdict, str]:
     """What one scenario costs and between what over the forms; the verdict, and its reason."""
     study, summary, effect = answers.study, answers.summaries[scenario], answers.effect(scenario)
-    unit, currency = headline_unit(study, scenario, miles), currency_of(study)
+    unit, currency = headline_unit(study, scenario, miles), study.currency
     head = what_changes(study, scenario)
     if effect is None or effect.price.value is None:
         text = f"{head}: no price. {_bound(answers, effect, unit)}"
@@ -73,9 +73,9 @@ def over_forms(summary: FormsSummary, unit: PriceUnit, currency: str) -> str:
     if n < 2 or summary.prices is None:
         return ""
     low, high = sorted(price * unit.factor for price in summary.prices)
-    text = between(low, high, currency)
+    text, sign = between(low, high, currency), symbol(currency)
     alike = text.split("between ")[-1].removeprefix("savings of ").split(" and ")
-    if alike[0] == alike[1].split()[0].lstrip("£€$"):
+    if alike[0].removeprefix(sign) == alike[1].removeprefix(sign).split()[0]:
         return f"the same in all {n} model forms"
     per = f" per {unit.label}" if summary.verdict == "no" else ""
     return f"{text}{per} over {n} model forms"
@@ -85,7 +85,7 @@ def _bound(answers: Answers, effect: FormEffect | None, unit: PriceUnit) -> str:
     """What is known where most of the sections outlive the horizon."""
     if effect is None:
         return "No pair of sections has a result."
-    currency = currency_of(answers.study)
+    currency = answers.study.currency
     price, years = effect.price, answers.study.limit.horizon_years
     known = price.n - price.n_censored
     text = f"Only {known} of {price.n} pairs of sections reach the limit within {years:g} years"

@@ -15,7 +15,7 @@ from typing import Any
 
 from mcsettle.report.page import Table
 from mcsettle.report.words import cut
-from mcsettle.storage.tables import unit_of
+from mcsettle.storage.tables import in_currency, unit_of
 from mcsettle.study.build import resolved_track
 from mcsettle.study.build_trains import resolved_train
 from mcsettle.study.schema.economics import EconomicsTable
@@ -66,7 +66,7 @@ def entries(study: Study) -> list[Entry]:
         if table is not None:
             set_by = "study"
             source = table.source or source
-        unit = unit_of(path) if isinstance(value, int | float) else ""
+        unit = in_currency(unit_of(path), study.currency) if isinstance(value, int | float) else ""
         unit = "" if unit == "1" or isinstance(value, bool) else unit
         given = value if isinstance(value, bool | int | float) else None
         found.append(Entry(path, _shown(value), unit, words, set_by, source, given))

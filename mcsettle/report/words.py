@@ -3,6 +3,7 @@
 import re
 
 from mcsettle.estimate.rounding import NOT_REACHED, number
+from mcsettle.report.money import SIGNS
 from mcsettle.report.outgoing import plain
 from mcsettle.summary.summary import SummaryRow
 
@@ -74,5 +75,10 @@ def percentile(row: SummaryRow) -> str:
 
 
 def unit_words(unit: str) -> str:
-    """A unit as it is read: GBP as a pound sign, days in full."""
-    return MARKS.get(unit, unit).replace("GBP", "£")
+    """A unit as it is read: a currency by its sign where it has one, days in full.
+
+    >>> unit_words("GBP per 1000 tonne-km"), unit_words("SEK per 1000 tonne-km"), unit_words("d")
+    ('£ per 1000 tonne-km', 'SEK per 1000 tonne-km', 'days')
+    """
+    first, space, rest = unit.partition(" ")
+    return MARKS.get(unit, SIGNS.get(first, first) + space + rest)

@@ -89,7 +89,7 @@ def close(
     remarks = _write_weights(at, study, fits, provenance)
     write_sign_split(at, study, members, provenance, prepared)
     _write_summary(at, study, provenance)
-    store.finish(at)
+    store.finish(at, study.currency)
     return remarks
 
 
@@ -122,7 +122,9 @@ def _write_parameters(
         return
     name = f"sets-000000-{len(members) - 1:06d}.parquet"
     last = study.run.realisations - 1
-    store.write(at, "parameters", name, rows.parameter_columns(members), provenance, 0, last)
+    store.write(
+        at, "parameters", name, rows.parameter_columns(members, study.currency), provenance, 0, last
+    )
     for other in at.names("parameters"):
         if other != f"parameters/{name}" and is_ours(other):
             at.remove(other)
@@ -170,7 +172,9 @@ def _write_effects(
                     ends = part.start, part.stop - 1
                     shard = Shard(member.index, variant, scenario, *ends, study.nested)
                     columns = rows.effect_columns(member, variant, scenario, part, effects)
-                    store.write(at, "effects", shard.name, columns, provenance, *ends)
+                    store.write(
+                        at, "effects", shard.name, columns, provenance, *ends, study.currency
+                    )
 
 
 def _effects(
@@ -190,7 +194,7 @@ def _effects(
         base["censored_at_days"].to_numpy(float),
         other["censored_at_days"].to_numpy(float),
         change,
-        table.tamping_cost_gbp_per_track_km,
+        table.tamping_cost_per_track_km,
         table.discount_rate,
     )
 

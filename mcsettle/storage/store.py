@@ -75,6 +75,7 @@ def write(
     provenance: Provenance,
     first: int = 0,
     last: int = -1,
+    currency: str = "",
 ) -> str:
     """Write one shard of a table; the same arguments give the same bytes.
 
@@ -91,6 +92,8 @@ def write(
     provenance : Provenance
     first, last : int
         Range of realisation indices, both included.
+    currency : str
+        Code of the currency of its prices, for the units of its columns.
 
     Returns
     -------
@@ -105,13 +108,13 @@ def write(
     """
     metadata = {key: str(value) for key, value in asdict(provenance).items()}
     metadata["index_range"] = f"{first}-{last}"
-    data = to_arrow(table, columns).replace_schema_metadata(metadata)
+    data = to_arrow(table, columns, currency).replace_schema_metadata(metadata)
     encoded = parquet.encode(data)
     place(folder).write(f"{table}/{name}", encoded)
     return hashlib.sha256(encoded).hexdigest()
 
 
-def to_arrow(table: str, columns: Mapping[str, Values]) -> pa.Table:
+def to_arrow(table: str, columns: Mapping[str, Values], currency: str = "") -> pa.Table:
     """Arrow table with the schema of ``table``, from values by column name.
 
     Raises
@@ -119,7 +122,7 @@ def to_arrow(table: str, columns: Mapping[str, Values]) -> pa.Table:
     InputError
         As ``write``.
     """
-    schema = schema_of(table, columns)
+    schema = schema_of(table, columns, currency)
     if set(columns) != set(schema.names):
         odd = sorted(set(columns) ^ set(schema.names))
         raise InputError(f"table '{table}' wants the columns {schema.names}; differing: {odd}")
@@ -192,8 +195,8 @@ def shard_columns(folder: Where, table: str, name: str) -> dict[str, list[Any]]:
     return columns
 
 
-def finish(folder: Where) -> None:
-    """Write the data dictionary and then, last, the manifest.
+def finish(folder: Where, currency: str = "") -> None:
+    """Write the data dictionary and then, last, the manifest; prices are in ``currency``.
 
     Raises
     ------
@@ -202,7 +205,7 @@ def finish(folder: Where) -> None:
     """
     at = place(folder)
     provenance = read_provenance(at)
-    at.write(DICTIONARY, data_dictionary().encode())
+    at.write(DICTIONARY, data_dictionary(currency).encode())
     files = []
     for name in visible(at):
         data = sound(at, name, None)

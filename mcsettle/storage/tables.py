@@ -11,6 +11,7 @@ import pyarrow as pa
 
 TEXT, COUNT, NUMBER = pa.string(), pa.int64(), pa.float64()
 INPUT = "input_"
+CURRENCY = "currency"  # in a unit: stands for the code of the study's currency
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,9 @@ class Column:
     meaning: str
     nullable: bool = False
 
-    @property
-    def field(self) -> pa.Field:
-        """The Arrow field, with unit and meaning in its metadata."""
-        metadata = {"unit": self.unit, "description": self.meaning}
+    def field(self, currency: str = "") -> pa.Field:
+        """The Arrow field, with unit and meaning in its metadata; prices are in ``currency``."""
+        metadata = {"unit": in_currency(self.unit, currency), "description": self.meaning}
         return pa.field(self.name, self.type, self.nullable, metadata)
 
 
@@ -37,10 +37,9 @@ class TableShape:
     columns: tuple[Column, ...]
     n_keys: int
 
-    @property
-    def schema(self) -> pa.Schema:
+    def schema(self, currency: str = "") -> pa.Schema:
         """Arrow schema without file metadata."""
-        return pa.schema([column.field for column in self.columns])
+        return pa.schema([column.field(currency) for column in self.columns])
 
     @property
     def keys(self) -> list[str]:
@@ -108,7 +107,7 @@ TABLES = {
             Column(
                 "marginal_cost",
                 NUMBER,
-                "GBP per km/h per 1000 train-km (speed) or per 1000 tonne-km (tonnage)",
+                f"{CURRENCY} per km/h per 1000 train-km (speed) or per 1000 tonne-km (tonnage)",
                 "marginal cost of tamping",
                 True,
             ),
@@ -205,36 +204,36 @@ TABLES = {
 }
 
 
-def schema_of(table: str, columns: Iterable[str]) -> pa.Schema:
+def schema_of(table: str, columns: Iterable[str], currency: str = "") -> pa.Schema:
     """Arrow schema of ``table``; the ``input_…`` ones among ``columns`` follow its own.
 
-    Only ``realisations`` has them: one for each uncertain input of the study.
+    Only ``realisations`` has them: one for each uncertain input of the study. ``currency`` of the prices.
     """
-    own = TABLES[table].schema
+    own = TABLES[table].schema(currency)
     if table != "realisations":
         return own
     drawn = [name for name in columns if name.startswith(INPUT)]
     meaning = "uncertain input of this row's parameter set (table parameters)"
-    fields = [Column(name, NUMBER, unit_of(name), meaning).field for name in drawn]
+    fields = [Column(name, NUMBER, unit_of(name), meaning).field(currency) for name in drawn]
     return pa.schema([*own, *fields])
 
 
-def data_dictionary() -> str:
+def data_dictionary(currency: str = "") -> str:
     """CSV text: table, column, type, unit, nullable, key, description, one line a column."""
     lines = ["table,column,type,unit,nullable,key,description"]
     for name, shape in TABLES.items():
         for column in shape.columns:
             key = "yes" if column.name in shape.keys else "no"
             nullable = "yes" if column.nullable else "no"
+            unit = in_currency(column.unit, currency)
             lines.append(
-                f'{name},{column.name},{column.type},"{column.unit}",{nullable},{key},'
-                f'"{column.meaning}"'
+                f'{name},{column.name},{column.type},"{unit}",{nullable},{key},"{column.meaning}"'
             )
     return "\n".join(lines) + "\n"
 
 
 UNITS = {
-    "gbp_per_track_km": "GBP/track-km",
+    "per_track_km": f"{CURRENCY}/track-km",
     "thousand_per_year": "1000/year",
     "mgt_per_day": "MGT/d",
     "mgt_per_year": "MGT/year",
@@ -264,6 +263,15 @@ def unit_of(path: str) -> str:
     ('N s/m', '1')
     """
     return next((unit for end, unit in UNITS.items() if path.endswith(f"_{end}")), "1")
+
+
+def in_currency(unit: str, code: str) -> str:
+    """``unit`` with the code of a currency, where it has one and the code is given.
+
+    >>> in_currency("currency/track-km", "SEK"), in_currency("currency/track-km", "")
+    ('SEK/track-km', 'currency/track-km')
+    """
+    return unit.replace(CURRENCY, code) if code else unit
 
 
 def input_column(path: str) -> str:

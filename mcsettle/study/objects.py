@@ -99,6 +99,11 @@ class StudyObjects(StudyTables):
         return build_timetable(self.scenario(scenario), trains)
 
     @property
+    def currency(self) -> str:
+        """Code of the currency of the study's prices; empty without any."""
+        return "" if self.economics is None else self.economics.currency
+
+    @property
     def reference_scenario(self) -> str:
         """Scenario whose first service is the reference of equivalent cycles: the baseline."""
         return self.scenario_names[0] if self.economics is None else self.economics.baseline
@@ -136,10 +141,10 @@ class StudyObjects(StudyTables):
         if economics.effect == "speed":
             speed = table.timetable[0].speed_kmh
             trains = economics.trains_thousand_per_year or 0.0
-            return speed_change(economics.base_speed_kmh or 0.0, speed, trains)
+            return speed_change(economics.base_speed_kmh or 0.0, speed, trains, economics.currency)
         base = economics.mgt_per_day or 0.0
         added = self.mgt_per_day(scenario) - self.mgt_per_day(economics.baseline)
-        return tonnage_change(base, base + added, table.mgt_per_year)
+        return tonnage_change(base, base + added, table.mgt_per_year, economics.currency)
 
     @property
     def priced(self) -> EconomicsTable | None:

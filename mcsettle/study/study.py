@@ -29,6 +29,7 @@ from mcsettle.study.checks.parts import parts_of, valid_parts
 from mcsettle.study.checks.together import faults_between, warnings_of
 from mcsettle.study.checks.uncertain import uncertain_faults
 from mcsettle.study.faults import Fault, faults_of, refusal
+from mcsettle.study.former_keys import with_present_keys
 from mcsettle.study.input_files import (
     ground_remarks,
     grounds_with_digests,
@@ -185,7 +186,8 @@ class Study(StudyObjects):
         InputError
             One line a fault: key path, value received, what is accepted.
         """
-        return cls._checked(with_tuples(expanded(data, origin, folder)), origin, folder)
+        present = with_present_keys(data, origin)
+        return cls._checked(with_tuples(expanded(present, origin, folder)), origin, folder)
 
     @classmethod
     def _checked(cls, data: Mapping[str, Any], origin: str, folder: Path | None) -> Self:

@@ -5,6 +5,7 @@ import json
 from collections.abc import Collection
 from typing import Any
 
+from mcsettle.study.former_keys import COST, former_cost
 from mcsettle.study.schema.study import StudyTables
 
 _NO_EFFECT_ON_RESULTS = {
@@ -49,7 +50,11 @@ def study_digest(study: StudyTables, fitted: bool) -> str:
         data.pop("observed", None)
     data["run"].pop("realisations")
     data["run"].pop("parameter_sets", None)
-    data.get("economics", {}).pop("price_base_year", None)
+    if "economics" in data:
+        prices = data["economics"]
+        prices.pop("price_base_year", None)
+        # As written before a study named its currency: results of then are still of this study.
+        prices[former_cost(prices.pop("currency"))] = prices.pop(COST)
     for entry in [*data["scenarios"], *data["variants"], data["settlement"]]:
         entry.pop("title", None)
         entry.pop("form_of", None)

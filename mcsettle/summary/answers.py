@@ -242,7 +242,7 @@ def _at_most(results: Results, scenario: str, pairs: _Pairs, sizes: np.ndarray) 
         change, prices = member.study.change(scenario), member.study.priced
         if change is None or prices is None:
             continue
-        money = prices.tamping_cost_gbp_per_track_km, prices.discount_rate
+        money = prices.tamping_cost_per_track_km, prices.discount_rate
         arrays = pairs.base[e], pairs.days[e], pairs.base_end[e], pairs.end[e]
         highest = economics.highest_costs(*arrays, change, *money)
         valid = pairs.valid[e]

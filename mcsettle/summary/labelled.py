@@ -14,7 +14,10 @@ DIMS = ["scenario", "variant", "parameter_set", "realisation"]
 
 
 def labelled(
-    tables: dict[str, pd.DataFrame], scenarios: tuple[str, ...], variants: tuple[str, ...]
+    tables: dict[str, pd.DataFrame],
+    scenarios: tuple[str, ...],
+    variants: tuple[str, ...],
+    currency: str = "",
 ) -> "xarray.Dataset":
     """Every column of ``realisations`` and ``effects`` over ``DIMS``, NaN where a row is missing.
 
@@ -35,7 +38,7 @@ def labelled(
     for name, table in tables.items():
         if table.empty:
             continue
-        schema = schema_of(name, table.columns)
+        schema = schema_of(name, table.columns, currency)
         rows = table.astype({"scenario": str, "variant": str}).set_index(DIMS)
         part = xarray.Dataset.from_dataframe(
             rows.drop(columns=["baseline", "effect"], errors="ignore")

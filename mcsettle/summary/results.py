@@ -13,6 +13,7 @@ from mcsettle.storage import manifest, store
 from mcsettle.storage.location import Folder, Place, Where, place
 from mcsettle.storage.manifest import MANIFEST, STUDY_FILE
 from mcsettle.storage.tables import input_column
+from mcsettle.study.former_keys import COST, former_cost
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, study_from_text
 from mcsettle.summary.labelled import labelled
@@ -92,7 +93,8 @@ class Results:
             The extra ``xarray`` is not installed.
         """
         tables = {"realisations": self.realisations, "effects": self.effects}
-        return labelled(tables, self.study.scenario_names, self.study.variant_names)
+        study = self.study
+        return labelled(tables, study.scenario_names, study.variant_names, study.currency)
 
     def __repr__(self) -> str:
         counts = self.realisations["status"].value_counts()
@@ -112,8 +114,9 @@ def read_results(folder: Where, finished: bool = True) -> Results:
     """
     at = folder_of_run(folder, finished)
     wanted = ("realisations", "history", "effects", "weights", "sign_split")
-    tables = (_table(at, name) for name in wanted)
-    return Results(study_of(at), *tables)
+    study = study_of(at)
+    realisations, *others = (_table(at, name) for name in wanted)
+    return Results(study, realisations.rename(columns=_former_columns(study.currency)), *others)
 
 
 def folder_of_run(folder: Where, finished: bool = True) -> Place:
@@ -153,6 +156,13 @@ def study_of(folder: Where) -> Study:
     text = store.read_file(at, STUDY_FILE)
     own = at.path.absolute() if isinstance(at, Folder) else None
     return study_from_text(text, f"{at}/{STUDY_FILE}", own)
+
+
+def _former_columns(currency: str) -> dict[str, str]:
+    """Columns of inputs as results of earlier versions have them, and their present names."""
+    keys = former_cost(currency), COST
+    former, present = (input_column(f"economics.{key}") for key in keys)
+    return {former: present}
 
 
 def _table(at: Place, name: str) -> pd.DataFrame:

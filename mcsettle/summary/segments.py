@@ -24,8 +24,9 @@ class SegmentRow:
     """One segment (or the whole line) in one variant and scenario.
 
     ``grounds`` run and ``failed``; ``known``: probability of the grounds that have results; ``days``
-    and ``cost`` [GBP/track-km, Eq. (4)] at ``LEVELS`` by weight (days are ``inf`` beyond the horizon),
-    ``mean_cost``, ``marginal`` mean against the baseline (NaN: none), each over the known share.
+    and ``cost`` [currency/track-km, Eq. (4)] at ``LEVELS`` by weight (days are ``inf`` beyond the
+    horizon), ``mean_cost``, ``marginal`` mean against the baseline (NaN: none), each over the known
+    share.
     """
 
     segment: str
@@ -98,7 +99,7 @@ def _weighted(study: Study, frame: pd.DataFrame, variant: str, scenario: str) ->
     cost = np.full(len(years), np.nan)
     if priced is not None:
         known = years > 0.0
-        money = priced.tamping_cost_gbp_per_track_km, priced.discount_rate
+        money = priced.tamping_cost_per_track_km, priced.discount_rate
         cost[known] = perpetual_present_value(*money, years[known])
     frame["cost"] = cost
     return frame

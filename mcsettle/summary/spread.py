@@ -259,7 +259,7 @@ def _cost_at_mean(
         cost = economics.marginal_cost(
             float(gamma),
             days / DAYS_PER_YEAR,
-            prices.tamping_cost_gbp_per_track_km,
+            prices.tamping_cost_per_track_km,
             prices.discount_rate,
             change.divisor,
         )

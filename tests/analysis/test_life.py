@@ -201,7 +201,7 @@ def test_no_mean_of_a_minority_and_none_without_an_end() -> None:
     sequence = Sequence(years, 30.0, np.ones(12, bool))
     costs = constant = np.where(np.isnan(years[:, 0]), np.nan, 1e5)
     life = Life(
-        "base", "v201", sequence, years * 0.0, np.full(12, 1e4), constant, costs, costs, "u"
+        "base", "v201", sequence, years * 0.0, np.full(12, 1e4), constant, costs, costs, "u", "EUR"
     )
     lines = "\n".join(life_lines([life]))
     assert "1.3" not in lines
@@ -210,7 +210,9 @@ def test_no_mean_of_a_minority_and_none_without_an_end() -> None:
     assert rows["first interval, years"] == {
         "n": 5, "mean": None, "standard_error": None, "p5": None, "p50": None, "p95": None,
     }  # fmt: skip
-    endless = Life("base", "v201", sequence, years, *([np.full(12, np.inf)] * 2), costs, costs, "u")
+    endless = Life(
+        "base", "v201", sequence, years, *([np.full(12, np.inf)] * 2), costs, costs, "u", "EUR"
+    )
     assert "(without discounting it has no end)" in "\n".join(life_lines([endless]))
 
 
@@ -229,7 +231,7 @@ def test_the_command(fresh_cache: Path, tmp_path: Path) -> None:
     assert len(pd.read_parquet(tmp_path / "out" / "tampings.parquet")) == 2 * 4 * 5
     told = json.loads(runner.invoke(app, ["life", str(path), "--json"]).stdout)
     ours = told[0]["rows"]["present cost, this sequence"]
-    first = table[table["scenario"] == "v201"]["present_cost_gbp_per_track_km"]
+    first = table[table["scenario"] == "v201"]["present_cost_per_track_km"]
     assert ours["mean"] == pytest.approx(first.mean())
     path.write_text(resolved_toml(toy.study()), encoding="utf-8")
     refused = runner.invoke(app, ["life", str(path)])

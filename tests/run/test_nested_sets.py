@@ -95,7 +95,7 @@ def test_effects_take_each_sets_own_money(study, finished):
     effects = table(finished.folder, "effects").set_index(keys).sort_index()
     ratio = (days["v225"] / days["v201"]).sort_index()
     np.testing.assert_allclose(effects["reduction_percent"], 100 * (1 - ratio), rtol=1e-9)
-    cost = [m.study.economics.tamping_cost_gbp_per_track_km for m in all_sets(study)]
+    cost = [m.study.economics.tamping_cost_per_track_km for m in all_sets(study)]
     gamma = (ratio - 1) / (24 / 201)
     slope = 0.035 / np.expm1(0.035 * days["v201"].sort_index() / 365)
     expected = -gamma * slope * np.repeat(cost, N) / (225 * 72 * 365 / 1000)
@@ -214,7 +214,7 @@ def test_a_line_costs_the_mean_of_its_sections(study, finished):
     at_mean = [
         -(days["v225", m.index] / days["v201", m.index] - 1)
         / (24 / 201)
-        * m.study.economics.tamping_cost_gbp_per_track_km
+        * m.study.economics.tamping_cost_per_track_km
         * 0.035
         / np.expm1(0.035 * days["v201", m.index] / 365)
         / (225 * 72 * 365 / 1000)

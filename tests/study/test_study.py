@@ -457,7 +457,7 @@ def test_published_days_give_published_elasticities_and_costs(name: str) -> None
             np.array([np.nan]),
             np.array([np.nan]),
             change,
-            study.economics.tamping_cost_gbp_per_track_km,
+            study.economics.tamping_cost_per_track_km,
             study.economics.discount_rate,
         )
         assert round(float(effects.elasticity[0]), 2) == published["elasticity", scenario]

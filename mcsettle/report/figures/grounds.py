@@ -31,7 +31,7 @@ def grounds_figure(report: "GroundReport") -> Figure:
     _bands(cost, place, np.array([row.cost for row in rows]) / 1e3)
     cost.axhline(report.line.mean_cost / 1e3, color=COLOURS[1], linestyle="--",
                  label="mean of the line")  # fmt: skip
-    cost.set(yscale="log", ylabel="present cost, Eq. (4)\n[1000 GBP/track-km]")
+    cost.set(yscale="log", ylabel=f"present cost, Eq. (4)\n[1000 {report.study.currency}/track-km]")
     cost.legend(loc="upper right")
     for axes in (days, cost):
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

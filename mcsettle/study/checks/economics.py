@@ -5,7 +5,11 @@ from collections.abc import Iterator
 from mcsettle.study.checks.parts import Parts
 from mcsettle.study.checks.traffic import is_buildable, tonnage
 from mcsettle.study.faults import Fault, dotted
+from mcsettle.study.former_keys import COST
+from mcsettle.study.schema.currencies import CODES
 from mcsettle.study.schema.study import StudyTables
+
+HOME = "GBP"  # currency of the default of the tamping cost
 
 
 def economics_faults(parts: Parts) -> Iterator[Fault]:
@@ -31,6 +35,24 @@ def economics_faults(parts: Parts) -> Iterator[Fault]:
         if base is not None and name != economics.baseline and value == base[1]:
             message = f"has the same {economics.effect} as the baseline '{economics.baseline}': "
             yield Fault(path, message + f"there is no effect of {economics.effect} to price")
+
+
+def currency_faults(parts: Parts) -> Iterator[Fault]:
+    """A cost in the study's own currency, and published costs in no other."""
+    economics = parts.economics
+    if economics is None:
+        return
+    if economics.currency != HOME and COST not in economics.model_fields_set:
+        said = (
+            f"is missing: its default is {HOME}, and the study's currency is {economics.currency}"
+        )
+        yield Fault(f"economics.{COST}", said)
+    for index, row in parts.reference.items():
+        first = row.unit.split(" ")[0]
+        if row.metric == "marginal_cost" and first in CODES - {economics.currency}:
+            path = dotted(("reference", index, "unit"))
+            said = f"is not the study's currency: convert value and unit to {economics.currency}"
+            yield Fault(path, f"received '{first} …', which {said}")
 
 
 def maintenance_faults(parts: Parts) -> Iterator[Fault]:

@@ -13,6 +13,7 @@ CHECKS = (
     traffic.train_faults,
     profile.profile_faults,
     economics.economics_faults,
+    economics.currency_faults,
     economics.maintenance_faults,
     traffic.speed_faults,
     run.stepping_faults,

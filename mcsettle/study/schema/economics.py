@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mcsettle.study.schema.base import Cycles, Name, Positive, Table
+from mcsettle.study.schema.currencies import Currency
 from mcsettle.study.schema.quantities import Millimetres, PerCent, Speed, Years, quantity
 
 
@@ -13,7 +14,8 @@ class EconomicsTable(Table):
 
     effect: Literal["speed", "tonnage"]
     baseline: Name
-    tamping_cost_gbp_per_track_km: Positive = 5625.0
+    currency: Currency = "GBP"
+    tamping_cost_per_track_km: Positive = 5625.0
     discount_rate: Annotated[float, PerCent, Field(ge=0, lt=1)] = 0.035
     base_speed_kmh: Speed | None = None
     trains_thousand_per_year: Positive | None = None
