@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.likelihood import IMPOSSIBLE, likelihood
 from mcsettle.estimate.observation import Course, Observation
 from mcsettle.estimate.resampling import effective
@@ -84,19 +83,6 @@ class InputBand:
     input: str
     drawn: tuple[float, ...]
     conditioned: tuple[float, ...]
-
-
-def weighted_bands(
-    values: np.ndarray, weights: np.ndarray
-) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """P5, P50, P95 of ``values`` [E], all alike and weighted by [E]: the first to reach each level."""
-    order = np.argsort(values, kind="stable")
-    found = []
-    for own in (np.ones(len(values)), weights):
-        cumulative = np.cumsum(own[order])
-        at = np.searchsorted(cumulative, np.array(LEVELS) * cumulative[-1] * (1.0 - 1e-12))
-        found.append(tuple(float(v) for v in values[order][np.minimum(at, len(values) - 1)]))
-    return found[0], found[1]
 
 
 def conditioned(

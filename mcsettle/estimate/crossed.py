@@ -6,184 +6,212 @@ bootstrap), which is right for means up to the share of the interaction and a li
 that is large; a Sobol sequence fills the inputs more evenly than chance, and the errors do not take
 credit for it. (``scipy.stats.bootstrap`` resamples one index, with neither crossed nor weighted sets.)
 
-Sets may be weighted (``observed``: by the likelihood of what was observed); the tails of a percentile
+Sets may be weighted (``conditioning``: by the likelihood of what was observed); the tails of a percentile
 interval are then those of as many sets as carry the weight, 1/Σp².
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
 
+from mcsettle.estimate import sample as plain
 from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
 from mcsettle.estimate.order_statistics import implied_error, order_positions, worth
-from mcsettle.estimate.resampling import Resampling, Weights
+from mcsettle.estimate.resampling import Resampling, Weights, plain_weights
+from mcsettle.estimate.weighted_quantiles import first_to_reach
 
 CHUNK = 4_000_000  # cumulative weights held at a time
 
 
-def crossed_quantiles(
-    lowest: np.ndarray,
-    highest: np.ndarray,
-    levels: Sequence[float],
-    unit: str,
-    seed: int = 0,
-    set_weights: Weights = None,
-) -> list[Estimate]:
-    """Quantiles over all sets and realisations, each value known to lie in ``lowest`` … ``highest``.
+@dataclass(frozen=True)
+class CrossedSample:
+    """One number of every parameter set and realisation [E, R], as a run has sampled it.
+
+    A run with one parameter set is a sample of independent tracks, and is estimated as one (``sample``).
 
     Parameters
     ----------
-    lowest, highest : ndarray, shape [E, R]
-        Equal where the value is known, ±inf where nothing is; NaN in both is left out (failed).
-    levels : between 0 and 1
+    values : ndarray, shape [E, R]
+        NaN where censored or failed.
     unit : str
+    at_least : ndarray, shape [E, R], or float
+        What a censored value exceeds (−inf: it may be anything); NaN where nothing is censored.
+        NaN in both is a failure, left out.
+    weights : relative weights [E] of the parameter sets, optional (default: all alike)
+    note : of its means
     seed : of the resampling
-    set_weights : relative weights of the parameter sets, optional
-
-    Returns
-    -------
-    list of Estimate
-        Exact where the unknown values cannot move it. Otherwise over the known ones, if they are the
-        most and the bounds allow that; the interval covers whatever the unknown ones are.
     """
-    drawn = Resampling(lowest.shape, seed, set_weights)
-    unknown = lowest < highest
-    below = _quantiles(lowest, levels, drawn)
-    above = _quantiles(highest, levels, drawn) if np.any(unknown) else below
-    n, n_unknown = int(np.sum(~np.isnan(lowest))), int(np.sum(unknown))
-    known: np.ndarray | None = None
-    found = []
-    for k in range(len(levels)):
-        lower = _limits(lowest, levels[k], below[k, 0], drawn)[0]
-        upper = _limits(highest, levels[k], above[k, 0], drawn)[1]
-        if below[k, 0] == above[k, 0]:
-            sound = np.isfinite(below[k, 1:]) & (below[k, 1:] == above[k, 1:])
-            error = float(np.std(below[k, 1:], ddof=1)) if np.all(sound) else None
-            value = _number(below[k, 0])
-            found.append(Estimate(value, lower, upper, error, n, n_unknown, unit))
-            continue
-        if known is None:
-            known = _quantiles(np.where(unknown, np.nan, lowest), levels, drawn, 1)[:, 0]
-        bounds = (float(below[k, 0]), float(above[k, 0]))
-        found.append(_bounded(float(known[k]), bounds, (lower, upper), n, n_unknown, unit))
-    return found
+
+    values: np.ndarray
+    unit: str
+    at_least: np.ndarray | float = np.nan
+    weights: Weights = None
+    note: str = ""
+    seed: int = 0
+
+    @cached_property
+    def resampling(self) -> Resampling:
+        """Of the sets and tracks; every number of the sample resamples alike."""
+        return Resampling(self.values.shape, self.seed, self.weights)
+
+    @cached_property
+    def censored(self) -> np.ndarray:
+        """Whether only a bound is known [E, R]."""
+        return np.isnan(self.values) & ~np.isnan(self.at_least)
+
+    @property
+    def valid(self) -> np.ndarray:
+        """Whether the realisation did not fail [E, R]."""
+        return ~np.isnan(self.values) | self.censored
+
+    @property
+    def mostly_known(self) -> bool:
+        """Whether no more than half of what did not fail is censored."""
+        return bool(2 * np.sum(self.censored) <= np.sum(self.valid))
+
+    @property
+    def lowest(self) -> np.ndarray:
+        """The least that each value can be [E, R]; NaN where failed."""
+        return np.where(self.censored, self.at_least, self.values)
+
+    @property
+    def highest(self) -> np.ndarray:
+        """The most that each value can be [E, R], inf where censored; NaN where failed."""
+        return np.where(self.censored, np.inf, self.values)
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Weight [E, R] of every value."""
+        of_sets = plain_weights(self.weights)
+        column = np.ones(len(self.values)) if of_sets is None else of_sets
+        return np.broadcast_to(column[:, None], self.values.shape)
+
+    def weighted(self, weights: Weights) -> "CrossedSample":
+        """The same sample with its parameter sets weighted."""
+        return replace(self, weights=weights)
+
+    def restricted(self) -> "CrossedSample":
+        """Intervals restricted to the horizon: one that outlasts it counts with it, in every mean."""
+        if not np.any(self.censored):
+            return self
+        horizon = float(np.min(self.lowest[self.censored]))
+        return replace(
+            self,
+            values=np.where(self.censored, horizon, np.minimum(self.values, horizon)),
+            at_least=np.nan,
+            note=f"restricted to day {horizon:g}",
+        )
+
+    def quantiles(self, levels: Sequence[float] = LEVELS) -> list[Estimate]:
+        """Quantiles over all sets and realisations, exact where the censored values cannot move them.
+
+        Otherwise over the known ones, if they are the most and the bounds allow that; the interval
+        covers whatever the unknown ones are.
+        """
+        drawn, lowest, highest = self.resampling, self.lowest, self.highest
+        below = _quantiles(lowest, levels, drawn)
+        above = _quantiles(highest, levels, drawn) if np.any(self.censored) else below
+        n, n_unknown = int(np.sum(self.valid)), int(np.sum(self.censored))
+        estimates = []
+        for k in range(len(levels)):
+            lower = _limits(lowest, levels[k], below[k, 0], drawn)[0]
+            upper = _limits(highest, levels[k], above[k, 0], drawn)[1]
+            if below[k, 0] == above[k, 0]:
+                finite = np.isfinite(below[k, 1:]) & (below[k, 1:] == above[k, 1:])
+                error = float(np.std(below[k, 1:], ddof=1)) if np.all(finite) else None
+                value = _number(below[k, 0])
+                estimates.append(Estimate(value, lower, upper, error, n, n_unknown, self.unit))
+                continue
+            known = float(_quantiles(self.values, levels, drawn, 1)[k, 0])
+            worst = float(below[k, 0]), float(above[k, 0])
+            estimates.append(_bounded(known, worst, (lower, upper), n, n_unknown, self.unit))
+        return estimates
+
+    def interval_quantiles(self, levels: Sequence[float] = LEVELS) -> list[Estimate]:
+        """Quantiles of intervals [days]: the first day by which that share of the sample is reached.
+
+        None where it is beyond the horizon.
+        """
+        if len(self.values) == 1:
+            row = self.values[0], self._ends[0]
+            return [plain.interval_quantile(*row, level) for level in levels]
+        drawn, values = self.resampling, self.highest
+        n, n_censored = int(np.sum(self.valid)), int(np.sum(self.censored))
+        estimates = []
+        for level, found in zip(levels, _quantiles(values, levels, drawn), strict=True):
+            value, error, note = _number(found[0]), None, ""
+            if np.isinf(found[0]):
+                note = f"not reached by day {np.nanmax(self.at_least):g}"
+            elif np.all(np.isfinite(found[1:])):
+                error = float(np.std(found[1:], ddof=1))
+            limits = _limits(values, level, found[0], drawn)
+            estimates.append(Estimate(value, *limits, error, n, n_censored, self.unit, note))
+        return estimates
+
+    def interval_statistics(self) -> list[Statistic]:
+        """Quantiles and restricted mean of intervals [days]."""
+        if len(self.values) == 1:
+            return plain.summarise_intervals(self.values[0], self._ends[0])
+        mean = Statistic("restricted_mean", None, self.restricted().mean())
+        return [*_at_levels(self.interval_quantiles()), mean]
+
+    def effect_statistics(self) -> list[Statistic]:
+        """Quantiles of a paired effect; its mean too if none is censored."""
+        if len(self.values) == 1:
+            return plain.summarise_effects(self.values[self.valid], self.unit)
+        rows = _at_levels(self.quantiles())
+        return rows if np.any(self.censored) else [*rows, Statistic("mean", None, self.mean())]
+
+    def certain_statistics(self) -> list[Statistic]:
+        """Quantiles; one that the censored values could move is not given."""
+        if len(self.values) == 1:
+            return _at_levels(self.interval_quantiles())
+        return _at_levels(
+            replace(e, value=None, standard_error=None) if e.note else e for e in self.quantiles()
+        )
+
+    def mean(self) -> Estimate:
+        """Mean over all known values; its error is that of sets and tracks resampled."""
+        drawn = self.resampling
+        known = ~np.isnan(self.values)
+        filled = np.where(known, self.values, 0.0)
+        total = np.einsum("br,br->b", drawn.by_set @ filled, drawn.by_track)
+        count = _counted(known, drawn)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            means = drawn.factors * total / count
+        others = means[1:][np.isfinite(means[1:])]
+        levels = _corrected(self.values, float(means[0]), others, drawn)
+        ends = np.quantile(others, levels) if len(others) else (None, None)
+        error = float(np.std(others, ddof=1)) if len(others) > 1 else None
+        n = int(np.sum(known))
+        limits = _number(ends[0]), _number(ends[1])
+        return Estimate(_number(means[0]), *limits, error, n, 0, self.unit, self.note)
+
+    def section_mean(self) -> Estimate:
+        """``mean``, of one parameter set that of independent tracks."""
+        if len(self.values) > 1:
+            return self.mean()
+        known = self.values[~np.isnan(self.values)]
+        found = plain.mean(known, self.unit)
+        return replace(found, note=self.note or found.note)
+
+    def section_quantiles(self) -> list[Estimate]:
+        """``quantiles`` of the known values, of one parameter set those of independent tracks."""
+        if len(self.values) > 1:
+            return replace(self, at_least=np.nan).quantiles()
+        known = self.values[~np.isnan(self.values)]
+        return [plain.quantile(known, level, self.unit) for level in LEVELS]
+
+    @property
+    def _ends(self) -> np.ndarray:
+        return np.broadcast_to(self.at_least, self.values.shape)
 
 
-def crossed_interval_quantile(
-    days: np.ndarray,
-    censored_at: np.ndarray,
-    level: float,
-    seed: int = 0,
-    set_weights: Weights = None,
-) -> Estimate:
-    """Quantile of tamping intervals [E, R] days, censored at one horizon; not reached: None."""
-    return _interval_quantiles(days, censored_at, (level,), seed, set_weights)[0]
-
-
-def crossed_mean(
-    values: np.ndarray,
-    unit: str,
-    note: str = "",
-    seed: int = 0,
-    set_weights: Weights = None,
-) -> Estimate:
-    """Mean over all sets and realisations [E, R]; NaN is left out."""
-    drawn = Resampling(values.shape, seed, set_weights)
-    known = ~np.isnan(values)
-    filled = np.where(known, values, 0.0)
-    total = np.einsum("br,br->b", drawn.by_set @ filled, drawn.by_track)
-    count = np.einsum("br,br->b", drawn.by_set @ known.astype(float), drawn.by_track)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        means = drawn.factors * total / count
-    others = means[1:][np.isfinite(means[1:])]
-    levels = _corrected(values, float(means[0]), others, drawn)
-    ends = np.quantile(others, levels) if len(others) else (None, None)
-    error = float(np.std(others, ddof=1)) if len(others) > 1 else None
-    n = int(np.sum(known))
-    return Estimate(_number(means[0]), _number(ends[0]), _number(ends[1]), error, n, 0, unit, note)
-
-
-def crossed_intervals(
-    days: np.ndarray,
-    censored_at: np.ndarray,
-    levels: Sequence[float] = LEVELS,
-    set_weights: Weights = None,
-) -> list[Statistic]:
-    """Quantiles and restricted mean of tamping intervals [E, R] days."""
-    found = _interval_quantiles(days, censored_at, levels, 0, set_weights)
-    rows = [Statistic("quantile", p, e) for p, e in zip(levels, found, strict=True)]
-    censored = np.isnan(days) & ~np.isnan(censored_at)
-    horizon = float(np.nanmin(censored_at)) if np.any(censored) else np.inf
-    note = f"restricted to day {horizon:g}" if np.any(censored) else ""
-    cut = np.where(censored, horizon, np.minimum(days, horizon))
-    return [*rows, Statistic("restricted_mean", None, crossed_mean(cut, "d", note, 0, set_weights))]
-
-
-def crossed_effects(
-    values: np.ndarray,
-    failed: np.ndarray,
-    unit: str,
-    levels: Sequence[float] = LEVELS,
-    set_weights: Weights = None,
-) -> list[Statistic]:
-    """Quantiles of a paired effect [E, R], NaN where censored; its mean too if none is."""
-    unknown = np.isnan(values) & ~failed
-    low = np.where(failed, np.nan, np.where(unknown, -np.inf, values))
-    high = np.where(failed, np.nan, np.where(unknown, np.inf, values))
-    found = crossed_quantiles(low, high, levels, unit, 0, set_weights)
-    rows = [Statistic("quantile", p, e) for p, e in zip(levels, found, strict=True)]
-    if not np.any(unknown):
-        mean = crossed_mean(values, unit, set_weights=set_weights)
-        rows.append(Statistic("mean", None, mean))
-    return rows
-
-
-def crossed_bounded(
-    values: np.ndarray,
-    at_least: np.ndarray,
-    unit: str,
-    levels: Sequence[float] = LEVELS,
-    set_weights: Weights = None,
-) -> list[Statistic]:
-    """Quantiles of [E, R] values of which some are known only to exceed ``at_least``.
-
-    One that those could move is not given.
-    """
-    unknown = np.isnan(values) & ~np.isnan(at_least)
-    low = np.where(unknown, at_least, values)
-    high = np.where(unknown, np.inf, values)
-    rows = []
-    found = crossed_quantiles(low, high, levels, unit, 0, set_weights)
-    for p, estimate in zip(levels, found, strict=True):
-        if estimate.note:
-            estimate = replace(estimate, value=None, standard_error=None)
-        rows.append(Statistic("quantile", p, estimate))
-    return rows
-
-
-def _interval_quantiles(
-    days: np.ndarray,
-    censored_at: np.ndarray,
-    levels: Sequence[float],
-    seed: int,
-    set_weights: Weights,
-) -> list[Estimate]:
-    """Quantiles of intervals: the first day by which the share of the sample reaches the level."""
-    drawn = Resampling(days.shape, seed, set_weights)
-    values = np.where(np.isnan(days) & ~np.isnan(censored_at), np.inf, days)
-    n, n_censored = int(np.sum(~np.isnan(values))), int(np.sum(np.isinf(values)))
-    found = []
-    for level, sample in zip(levels, _quantiles(values, levels, drawn), strict=True):
-        lower, upper = _limits(values, level, sample[0], drawn)
-        if np.isinf(sample[0]):
-            note = f"not reached by day {np.nanmax(censored_at):g}"
-            found.append(Estimate(None, lower, upper, None, n, n_censored, "d", note))
-            continue
-        error = float(np.std(sample[1:], ddof=1)) if np.all(np.isfinite(sample[1:])) else None
-        found.append(Estimate(_number(sample[0]), lower, upper, error, n, n_censored, "d"))
-    return found
+def _at_levels(estimates: Iterable[Estimate]) -> list[Statistic]:
+    return [Statistic("quantile", p, e) for p, e in zip(LEVELS, estimates, strict=True)]
 
 
 def _bounded(
@@ -213,24 +241,17 @@ def _quantiles(
     order = np.argsort(flat, kind="stable")
     order = order[~np.isnan(flat[order])]
     n, n_rows = len(order), rows or len(drawn.by_set)
-    found = np.full((len(levels), n_rows), np.nan)
+    reached = np.full((len(levels), n_rows), np.nan)
     if n == 0:
-        return found
-    own_set, own_track = np.unravel_index(order, values.shape)
-    rising = flat[order]
+        return reached
+    of_set, of_track = np.unravel_index(order, values.shape)
     step = max(1, CHUNK // n)
     for first in range(0, n_rows, step):
         part = slice(first, min(first + step, n_rows))
-        weights = drawn.by_set[part].take(own_set, axis=1)
-        weights *= drawn.by_track[part].take(own_track, axis=1)
-        np.cumsum(weights, axis=1, out=weights)
-        total = weights[:, -1]
-        for k, level in enumerate(levels):
-            aim = level * total * (1.0 - 1e-12)
-            at = [np.searchsorted(row, x) for row, x in zip(weights, aim, strict=True)]
-            reached = rising[np.minimum(at, n - 1)]
-            found[k, part] = np.where(total > 0.0, drawn.factors[part] * reached, np.nan)
-    return found
+        weights = drawn.by_set[part].take(of_set, axis=1)
+        weights *= drawn.by_track[part].take(of_track, axis=1)
+        reached[:, part] = drawn.factors[part] * first_to_reach(flat[order], weights, levels)
+    return reached
 
 
 def _corrected(

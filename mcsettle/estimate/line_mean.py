@@ -7,17 +7,17 @@ which is not the median section's cost, nor the cost at the mean interval: cost 
 interval, so the mean cost lies above the cost at the mean.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from mcsettle.estimate.crossed import crossed_mean, crossed_quantiles
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
 from mcsettle.estimate.line_mean_error import Moments, line_intervals, section_moments
 from mcsettle.estimate.order_statistics import implied_error
-from mcsettle.estimate.resampling import Resampling, Weights, plain_weights
-from mcsettle.estimate.sample import mean, quantile
+from mcsettle.estimate.resampling import Resampling
+from mcsettle.estimate.weighted_quantiles import smooth_quantiles
 
 LENGTHS_KM = (0.2, 1.0, 10.0, 100.0)
 LINES = 2000  # drawn of each length
@@ -42,42 +42,30 @@ class LineMean:
 
 
 def line_means(
-    values: np.ndarray,
-    section_m: float,
-    lengths_km: tuple[float, ...] = LENGTHS_KM,
-    seed: int = 0,
-    set_weights: Weights = None,
-    unit: str = "1",
-    note: str = "",
+    sample: CrossedSample, section_m: float, lengths_km: tuple[float, ...] = LENGTHS_KM
 ) -> list[LineMean]:
-    """Distribution of the mean of ``values`` over lines of several lengths, with 95 % intervals.
+    """Distribution of the mean over lines of several lengths, with 95 % intervals.
 
     Parameters
     ----------
-    values : ndarray, shape [E, R]
-        Interval or cost by parameter set and section; NaN (unknown or failed) is left out.
+    sample : interval or cost by parameter set and section; what is censored or failed is left out
     section_m : float, m
         Length of one section: the window of the profile.
     lengths_km : lengths; each is rounded to whole sections, those under half a section left out
-    seed : of the resampling
-    set_weights : relative weights of the parameter sets, optional (default: all alike)
-    unit, note : of the estimates
 
     Returns
     -------
     list of LineMean
         A line takes one parameter set and draws its sections from that set's realisations. The
-        intervals are those of ``line_error``; of a single section, of its own quantiles.
+        intervals are those of ``line_mean_error``; of a single section, of its own quantiles.
     """
+    values = sample.values
     some = np.any(~np.isnan(values), axis=1)
-    if not np.any(some):
+    if not np.any(some & (sample.shares[:, 0] > 0.0)):
         return []
-    plain = plain_weights(set_weights)
-    if plain is not None and not np.sum(plain[some]) > 0.0:
-        return []
-    drawn = Resampling(values.shape, seed, set_weights).of_sets(some)
+    drawn = sample.resampling.of_sets(some)
     lost = int(np.sum(np.isnan(values)))
-    whole = _mean(values, unit, note, set_weights)
+    mean = replace(sample.section_mean(), n_censored=lost)
     of_sections = section_moments(values[some], drawn)
     rows = []
     for length in lengths_km:
@@ -85,61 +73,35 @@ def line_means(
         if count < 1:
             continue
         if count == 1:
-            found = _of_sections(values, unit, note, set_weights)
+            quantiles = sample.section_quantiles()
         else:
-            found = _of_lines(values[some], count, seed, drawn, of_sections, (lost, unit, note))
-        rows.append(LineMean(length, count, found, whole))
+            quantiles = _of_lines(values[some], count, sample, drawn, of_sections)
+        noted = tuple(replace(e, n_censored=lost, note=sample.note) for e in quantiles)
+        rows.append(LineMean(length, count, noted, mean))
     return rows
-
-
-def _mean(values: np.ndarray, unit: str, note: str, weights: Weights) -> Estimate:
-    """Mean of all sections, that of lines of any length."""
-    known = values[~np.isnan(values)]
-    lost = values.size - len(known)
-    if len(values) > 1:
-        found = crossed_mean(values, unit, note, set_weights=weights)
-    else:
-        found = mean(known, unit)
-    return Estimate(
-        found.value, found.lower, found.upper, found.standard_error, found.n, lost, unit,
-        note or found.note,
-    )  # fmt: skip
-
-
-def _of_sections(
-    values: np.ndarray, unit: str, note: str, weights: Weights
-) -> tuple[Estimate, ...]:
-    """Quantiles of a line of one section: of the sections themselves."""
-    known = values[~np.isnan(values)]
-    lost = values.size - len(known)
-    if len(values) > 1:
-        found = crossed_quantiles(values, values, LEVELS, unit, set_weights=weights)
-    else:
-        found = [quantile(known, level, unit) for level in LEVELS]
-    return tuple(
-        Estimate(e.value, e.lower, e.upper, e.standard_error, e.n, lost, unit, note) for e in found
-    )
 
 
 def _of_lines(
     values: np.ndarray,
     count: int,
-    seed: int,
+    sample: CrossedSample,
     drawn: Resampling,
     of_sections: Moments | None,
-    about: tuple[int, str, str],
-) -> tuple[Estimate, ...]:
+) -> list[Estimate]:
     """Quantiles of lines of ``count`` sections; no set is all unknown."""
-    lost, unit, note = about
-    lines = _drawn_lines(values, count, seed)
-    n = int(np.sum(~np.isnan(values)))
-    at = [float(q) for q in _weighted_quantiles(lines, drawn.by_set[0])]
-    found = []
-    for value, ends in zip(
-        at, line_intervals(of_sections, lines, count, LEVELS, at, drawn), strict=True
-    ):
-        found.append(Estimate(value, *ends, implied_error(ends, value), n, lost, unit, note))
-    return tuple(found)
+    lines = _drawn_lines(values, count, sample.seed)
+    weights, n = drawn.by_set[0], int(np.sum(~np.isnan(values)))
+    # Lines of sets that count alike are one sample, linear between order statistics as NumPy has it.
+    alike = np.ptp(weights) == 0.0
+    of_lines = np.repeat(weights, lines.shape[1])
+    quantiles = (
+        np.quantile(lines, LEVELS) if alike else smooth_quantiles(lines.ravel(), of_lines, LEVELS)
+    ).tolist()
+    intervals = line_intervals(of_sections, lines, count, LEVELS, quantiles, drawn)
+    return [
+        Estimate(value, *ends, implied_error(ends, value), n, 0, sample.unit)
+        for value, ends in zip(quantiles, intervals, strict=True)
+    ]
 
 
 def _drawn_lines(values: np.ndarray, count: int, seed: int) -> np.ndarray:
@@ -156,13 +118,3 @@ def _drawn_rows(sizes: tuple[int, ...], count: int, seed: int) -> list[np.ndarra
     n_lines = max(200, min(LINES, LARGEST_DRAW // count))
     each = -(-n_lines // len(sizes))
     return [rng.integers(0, size, (each, count)) for size in sizes]
-
-
-def _weighted_quantiles(means: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Quantiles at ``LEVELS`` of [E, n] means whose rows are weighted by [E]."""
-    if np.ptp(weights) == 0.0:
-        return np.quantile(means, LEVELS)
-    flat, each = means.ravel(), np.repeat(weights, means.shape[1])
-    order = np.argsort(flat)
-    middle = np.cumsum(each[order]) - 0.5 * each[order]
-    return np.interp(LEVELS, middle / np.sum(each), flat[order])

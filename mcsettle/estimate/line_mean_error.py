@@ -22,6 +22,7 @@ from scipy import special
 
 from mcsettle.estimate.order_statistics import TAIL, order_positions, worth
 from mcsettle.estimate.resampling import Resampling
+from mcsettle.estimate.weighted_quantiles import smooth_quantiles
 
 POINTS = 1000  # of the mixture over all sets
 
@@ -161,16 +162,9 @@ def _mixed(found: Moments, count: int, levels: Sequence[float], by_set: np.ndarr
     points = found.mean[:, :, None] + found.sd[:, :, None] / root * curve(
         shares, found.skew[:, :, None] / root
     )
-    flat, weights = points.reshape(len(by_set), -1), np.repeat(by_set, each, axis=1)
-    weights = np.where(np.isnan(flat), 0.0, weights)
-    order = np.argsort(flat, axis=1)
-    own, rising = np.take_along_axis(weights, order, 1), np.take_along_axis(flat, order, 1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        middle = (np.cumsum(own, axis=1) - 0.5 * own) / np.sum(own, axis=1, keepdims=True)
-    nothing = np.full(len(levels), np.nan)
-    pairs = zip(middle, rising, strict=True)
-    rows = [np.interp(levels, m, x) if m[-1] > 0.0 else nothing for m, x in pairs]
-    return np.array(rows).T
+    weights = np.repeat(by_set, each, axis=1)
+    rows = zip(points.reshape(len(by_set), -1), weights, strict=True)
+    return np.array([smooth_quantiles(row, of_row, levels) for row, of_row in rows]).T
 
 
 def _sets(
@@ -188,7 +182,7 @@ def _sets(
     variance = float(np.sum(shares**2 * (below - level) ** 2)) / (1.0 - crowd)
     positions = order_positions(worth(level, variance, (1.0 / crowd,)), level)
     flat, each = lines.ravel(), np.repeat(shares, lines.shape[1])
-    order = np.argsort(flat)
-    middle = (np.cumsum(each[order]) - 0.5 * each[order]) / np.sum(each)
-    ends = [None if p is None else float(np.interp(p, middle, flat[order])) for p in positions]
-    return ends[0], ends[1]
+    low, high = (
+        None if p is None else float(smooth_quantiles(flat, each, (p,))[0]) for p in positions
+    )
+    return low, high

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from mcsettle.estimate.estimate import LEVELS
+from mcsettle.estimate.weighted_quantiles import weighted_quantiles
+
 WIDEST = 1.0  # scale of the prior of τ: sections differ by a factor of e
 SPREADS = np.geomspace(0.02, 2.0, 60)  # τ
 AT_A_TIME = 250  # pairs (μ, τ): bounds the memory
-LEVELS = (0.05, 0.5, 0.95)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +73,8 @@ def pooled(logs: np.ndarray, log_likelihood: np.ndarray) -> Pooled:
         scaled,
         hyper,
         given,
-        tuple(float(np.exp(v)) for v in _quantiles(mu, hyper)),
-        tuple(float(v) for v in _quantiles(tau, hyper)),
+        tuple(float(np.exp(v)) for v in weighted_quantiles(mu, hyper, LEVELS)),
+        tuple(float(v) for v in weighted_quantiles(tau, hyper, LEVELS)),
     )
 
 
@@ -81,7 +83,3 @@ def _mass(logs: np.ndarray, mu: np.ndarray, tau: np.ndarray) -> np.ndarray:
     edges = np.concatenate([[-np.inf], 0.5 * (logs[1:] + logs[:-1]), [np.inf]])
     below = stats.norm.cdf((edges[None, :] - mu[:, None]) / tau[:, None])
     return np.asarray(np.diff(below, axis=1))
-
-
-def _quantiles(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    return np.quantile(values, LEVELS, weights=weights, method="inverted_cdf")

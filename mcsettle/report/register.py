@@ -15,9 +15,10 @@ from typing import Any
 
 from mcsettle.report.page import Table
 from mcsettle.report.words import cut
-from mcsettle.storage.tables import in_currency, unit_of
 from mcsettle.study.build import resolved_track
 from mcsettle.study.build_trains import resolved_train
+from mcsettle.study.key_paths import is_number
+from mcsettle.study.key_units import unit_at
 from mcsettle.study.schema.economics import EconomicsTable
 from mcsettle.study.schema.profile import ProfileTable
 from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
@@ -66,8 +67,8 @@ def entries(study: Study) -> list[Entry]:
         if table is not None:
             set_by = "study"
             source = table.source or source
-        unit = in_currency(unit_of(path), study.currency) if isinstance(value, int | float) else ""
-        unit = "" if unit == "1" or isinstance(value, bool) else unit
+        unit = unit_at(data, path)
+        unit = unit if is_number(value) and unit != "1" else ""
         given = value if isinstance(value, bool | int | float) else None
         found.append(Entry(path, _shown(value), unit, words, set_by, source, given))
     return found

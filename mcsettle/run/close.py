@@ -122,9 +122,7 @@ def _write_parameters(
         return
     name = f"sets-000000-{len(members) - 1:06d}.parquet"
     last = study.run.realisations - 1
-    store.write(
-        at, "parameters", name, rows.parameter_columns(members, study.currency), provenance, 0, last
-    )
+    store.write(at, "parameters", name, rows.parameter_columns(members), provenance, 0, last)
     for other in at.names("parameters"):
         if other != f"parameters/{name}" and is_ours(other):
             at.remove(other)

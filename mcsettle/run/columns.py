@@ -9,7 +9,8 @@ from mcsettle import economics
 from mcsettle.estimate.conditioning import Conditioning
 from mcsettle.railway.scene import Scene
 from mcsettle.step_b.case import Outcome
-from mcsettle.storage.tables import in_currency, input_column, unit_of
+from mcsettle.storage.tables import input_column
+from mcsettle.study.key_units import units_of
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.summary.summary import SummaryRow
 from mcsettle.units import DAYS_PER_YEAR, MGT, MM
@@ -96,14 +97,15 @@ def effect_columns(
     }
 
 
-def parameter_columns(members: list[ParameterSet], currency: str) -> dict[str, Any]:
+def parameter_columns(members: list[ParameterSet]) -> dict[str, Any]:
     """Columns of the ``parameters`` table: every drawn input of every parameter set."""
     rows = [(m.index, path, value) for m in members for path, value in m.values.items()]
+    units = units_of(members[0].study, dict.fromkeys(row[1] for row in rows))
     return {
         "parameter_set": np.array([row[0] for row in rows], np.int32),
         "input": [row[1] for row in rows],
         "value": [row[2] for row in rows],
-        "unit": [in_currency(unit_of(row[1]), currency) for row in rows],
+        "unit": [units[row[1]] for row in rows],
     }
 
 

@@ -37,6 +37,7 @@ from mcsettle.storage.foreign import LOGS
 from mcsettle.storage.location import Folder, Place
 from mcsettle.storage.provenance import Provenance
 from mcsettle.storage.shard_name import ShardName
+from mcsettle.study.key_units import input_units
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
@@ -50,7 +51,7 @@ class Job:
     """What the parts of one run share.
 
     ``complete``: names of the shards that have a record; ``batch``: realisations advanced at a time,
-    fewer once memory did not suffice.
+    fewer once memory did not suffice; ``units`` of the drawn inputs, by column.
     """
 
     study: Study
@@ -61,8 +62,10 @@ class Job:
     remarks: list[str] = field(default_factory=list)
     complete: set[str] = field(default_factory=set)
     batch: int = 0
+    units: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.units = input_units(self.study)
         self.batch = self.batch or self.options.batch or BATCH
 
     def is_whole(self, shard: Shard) -> bool:
@@ -72,7 +75,8 @@ class Job:
     def write(self, shard: Shard, tables: dict[str, dict[str, Any]], failure: str = "") -> None:
         """Write a shard and its record."""
         shard_record.write_shard(
-            self.at, shard.name, tables, self.provenance, shard.indices, failure
+            *(self.at, shard.name, tables, self.provenance, shard.indices, failure),
+            self.units,
         )
 
     def log(self, event: str, shard: Shard, **more: Any) -> None:

@@ -41,8 +41,9 @@ def write_shard(
     provenance: Provenance,
     indices: range,
     failure: str = "",
+    units: Mapping[str, str] | None = None,
 ) -> Record:
-    """Write the tables of a shard and then, last, its record.
+    """Write the tables of a shard and then, last, its record; ``units`` of the drawn inputs.
 
     Raises
     ------
@@ -51,7 +52,7 @@ def write_shard(
     """
     digests = {
         table: store.write(
-            at, table, name, tables[table], provenance, indices.start, indices.stop - 1
+            at, table, name, tables[table], provenance, indices.start, indices.stop - 1, units=units
         )
         for table in SHARDED
     }

@@ -76,6 +76,7 @@ def write(
     first: int = 0,
     last: int = -1,
     currency: str = "",
+    units: Mapping[str, str] | None = None,
 ) -> str:
     """Write one shard of a table; the same arguments give the same bytes.
 
@@ -94,6 +95,7 @@ def write(
         Range of realisation indices, both included.
     currency : str
         Code of the currency of its prices, for the units of its columns.
+    units : of the drawn inputs, by column
 
     Returns
     -------
@@ -108,13 +110,18 @@ def write(
     """
     metadata = {key: str(value) for key, value in asdict(provenance).items()}
     metadata["index_range"] = f"{first}-{last}"
-    data = to_arrow(table, columns, currency).replace_schema_metadata(metadata)
+    data = to_arrow(table, columns, currency, units).replace_schema_metadata(metadata)
     encoded = parquet.encode(data)
     place(folder).write(f"{table}/{name}", encoded)
     return hashlib.sha256(encoded).hexdigest()
 
 
-def to_arrow(table: str, columns: Mapping[str, Values], currency: str = "") -> pa.Table:
+def to_arrow(
+    table: str,
+    columns: Mapping[str, Values],
+    currency: str = "",
+    units: Mapping[str, str] | None = None,
+) -> pa.Table:
     """Arrow table with the schema of ``table``, from values by column name.
 
     Raises
@@ -122,7 +129,7 @@ def to_arrow(table: str, columns: Mapping[str, Values], currency: str = "") -> p
     InputError
         As ``write``.
     """
-    schema = schema_of(table, columns, currency)
+    schema = schema_of(table, columns, currency, units)
     if set(columns) != set(schema.names):
         odd = sorted(set(columns) ^ set(schema.names))
         raise InputError(f"table '{table}' wants the columns {schema.names}; differing: {odd}")

@@ -4,7 +4,7 @@ One row per thing. A unit stands in the column's name, in the Arrow field's meta
 dictionary. The keys of a table name a row once and for all.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import pyarrow as pa
@@ -204,17 +204,21 @@ TABLES = {
 }
 
 
-def schema_of(table: str, columns: Iterable[str], currency: str = "") -> pa.Schema:
+def schema_of(
+    table: str, columns: Iterable[str], currency: str = "", units: Mapping[str, str] | None = None
+) -> pa.Schema:
     """Arrow schema of ``table``; the ``input_…`` ones among ``columns`` follow its own.
 
-    Only ``realisations`` has them: one for each uncertain input of the study. ``currency`` of the prices.
+    Only ``realisations`` has them: one for each uncertain input of the study, ``units`` by column.
+    ``currency`` of the prices.
     """
     own = TABLES[table].schema(currency)
     if table != "realisations":
         return own
     drawn = [name for name in columns if name.startswith(INPUT)]
     meaning = "uncertain input of this row's parameter set (table parameters)"
-    fields = [Column(name, NUMBER, unit_of(name), meaning).field(currency) for name in drawn]
+    known = units or {}
+    fields = [Column(name, NUMBER, known.get(name, "1"), meaning).field() for name in drawn]
     return pa.schema([*own, *fields])
 
 
@@ -230,39 +234,6 @@ def data_dictionary(currency: str = "") -> str:
                 f'{name},{column.name},{column.type},"{unit}",{nullable},{key},"{column.meaning}"'
             )
     return "\n".join(lines) + "\n"
-
-
-UNITS = {
-    "per_track_km": f"{CURRENCY}/track-km",
-    "thousand_per_year": "1000/year",
-    "mgt_per_day": "MGT/d",
-    "mgt_per_year": "MGT/year",
-    "per_mpa2": "1/MPa2",
-    "kg_per_m3": "kg/m3",
-    "ns_per_m2": "N s/m2",
-    "ns_per_m": "N s/m",
-    "n_per_m2": "N/m2",
-    "n_per_m": "N/m",
-    "kg_m2": "kg m2",
-    "per_day": "1/d",
-    "kmh": "km/h",
-    "pa": "Pa",
-    "mm": "mm",
-    "m4": "m4",
-    "m2": "m2",
-    "kg": "kg",
-    "m": "m",
-    "t": "t",
-}
-
-
-def unit_of(path: str) -> str:
-    """Unit that the last key of ``path`` ends in; "1" if none.
-
-    >>> unit_of("trains.freight.secondary_damping_ns_per_m"), unit_of("economics.discount_rate")
-    ('N s/m', '1')
-    """
-    return next((unit for end, unit in UNITS.items() if path.endswith(f"_{end}")), "1")
 
 
 def in_currency(unit: str, code: str) -> str:

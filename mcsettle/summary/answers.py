@@ -6,20 +6,20 @@ only a bound. With observations the parameter sets count by their weights.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from mcsettle import economics
-from mcsettle.estimate.crossed import crossed_interval_quantile, crossed_mean
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import Estimate
-from mcsettle.estimate.resampling import SetWeights, as_interval, plain_weights
-from mcsettle.estimate.sample import interval_quantile, mean
+from mcsettle.estimate.resampling import SetWeights, as_interval
+from mcsettle.estimate.weighted_quantiles import weighted_quantiles
 from mcsettle.study.study import Study
 from mcsettle.summary.forms import FormEffect, FormsSummary, summarise_forms
 from mcsettle.summary.results import CENSORED, INTERVAL, Results
-from mcsettle.summary.spread import sets_of
+from mcsettle.summary.samples import effect_sample, interval_sample, matrix
 from mcsettle.summary.summary import cost_exponent, set_weights
 from mcsettle.units import DAYS_PER_YEAR
 
@@ -81,8 +81,7 @@ def answers(results: Results, variant: str | None = None) -> Answers:
         own = results.of_variant(form)
         for scenario in study.scenario_names:
             table = results.part("realisations", form, scenario)
-            table = table[table["status"] != "failed"]
-            if table.empty:
+            if (table["status"] == "failed").all():
                 continue
             intervals[form, scenario] = _interval(table, weights)
             effect = _effect(results, form, scenario, own, weights)
@@ -123,16 +122,13 @@ def is_calibrated(study: Study, variant: str) -> bool:
 
 
 def _interval(table: pd.DataFrame, weights: SetWeights | None) -> IntervalAnswer:
-    """Median with its error and the middle half of one form and scenario without failed rows."""
-    days, ends, settled = _matrices(table, (INTERVAL, CENSORED, SETTLED), table)
-    if len(days) > 1:
-        own = as_interval(weights) if weights is not None else None
-        median = crossed_interval_quantile(days, ends, 0.5, set_weights=own)
-    else:
-        median = interval_quantile(days[0], ends[0], 0.5)
-    times = np.where(np.isnan(days) & ~np.isnan(ends), np.inf, days)
-    low, high = _quantiles(times, HALF, _shares(weights, times))
-    (middle,) = _quantiles(settled, (0.5,), _shares(weights, settled))
+    """Median with its error and the middle half of one form and scenario; failed rows are left out."""
+    days = interval_sample(table).weighted(as_interval(weights))
+    complete = table[table["status"] != "failed"]
+    settled = CrossedSample(matrix(complete, SETTLED, table), "mm", weights=weights)
+    (median,) = days.interval_quantiles((0.5,))
+    low, high = _quantiles(days.highest, days.shares, HALF)
+    (middle,) = _quantiles(settled.values, settled.shares, (0.5,))
     return IntervalAnswer(median, (low, high), middle)
 
 
@@ -149,16 +145,17 @@ def _effect(
     if table.empty:
         return None
     pairs = _Pairs.of(own, table, (prices.baseline, scenario))
-    costs, reductions = _matrices(table, ("marginal_cost", "reduction_percent"), own)
-    sizes = _shares(weights, costs)
-    price = _line_mean(costs, pairs, change.unit, results, form, weights)
-    bound = None if pairs.all_known else _at_most(results, scenario, pairs, sizes)
-    (reduction,) = _known_quantiles(reductions, pairs, (0.5,), sizes)
-    low, middle, high = _known_quantiles(costs, pairs, BAND, sizes)
+    priced = as_interval(weights, cost_exponent(study, own))
+    costs = effect_sample(table, "marginal_cost", change.unit, own).weighted(priced)
+    reductions = effect_sample(table, "reduction_percent", "%", own).weighted(weights)
+    sizes = costs.shares
+    bound = _at_most(results, scenario, pairs, sizes) if np.any(costs.censored) else None
+    (reduction,) = _known_quantiles(reductions, (0.5,))
+    low, middle, high = _known_quantiles(costs, BAND)
     return FormEffect(
-        form, price, bound, (low, middle, high), reduction, pairs.shortening(sizes),
+        *(form, _line_mean(costs), bound, (low, middle, high), reduction, pairs.shortening(sizes)),
         is_calibrated(study, form),
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True)
@@ -174,28 +171,14 @@ class _Pairs:
     @classmethod
     def of(cls, own: pd.DataFrame, effects: pd.DataFrame, names: tuple[str, str]) -> "_Pairs":
         """Pairs of the scenarios ``names``; ``effects`` has the valid ones, ``own`` all rows."""
-        (marks,) = _matrices(effects.assign(valid=1.0), ("valid",), own)
-        valid = ~np.isnan(marks)
-        (base, base_end), (days, end) = (
-            _matrices(own[own["scenario"] == name], (INTERVAL, CENSORED), own) for name in names
-        )
-        base, days, base_end, end = (
-            np.where(valid, part, np.nan) for part in (base, days, base_end, end)
+        valid = ~np.isnan(matrix(effects.assign(valid=1.0), "valid", own))
+        own = own[own["realisation"].isin(effects["realisation"])]
+        base, base_end, days, end = (
+            np.where(valid, matrix(own[own["scenario"] == name], column), np.nan)
+            for name in names
+            for column in (INTERVAL, CENSORED)
         )
         return cls(base, days, base_end, end, valid)
-
-    @property
-    def known(self) -> np.ndarray:
-        """Both intervals known."""
-        return ~np.isnan(self.base) & ~np.isnan(self.days)
-
-    @property
-    def all_known(self) -> bool:
-        return bool(np.all(self.known == self.valid))
-
-    @property
-    def mostly_known(self) -> bool:
-        return bool(2 * np.sum(self.known) >= np.sum(self.valid))
 
     def shortening(self, sizes: np.ndarray) -> tuple[float, float]:
         """Least and largest share of the pairs whose interval shortens."""
@@ -209,30 +192,14 @@ class _Pairs:
         return float(np.sum(sizes[surely])) / total, float(np.sum(sizes[maybe])) / total
 
 
-def _line_mean(
-    costs: np.ndarray,
-    pairs: _Pairs,
-    unit: str,
-    results: Results,
-    form: str,
-    weights: SetWeights | None,
-) -> Estimate:
+def _line_mean(costs: CrossedSample) -> Estimate:
     """Mean over the sections: the price of a line; none where most of its pairs are censored."""
-    n, unknown = int(np.sum(pairs.valid)), int(np.sum(pairs.valid & ~pairs.known))
-    if not pairs.mostly_known:
+    n, unknown = int(np.sum(costs.valid)), int(np.sum(costs.censored))
+    if not costs.mostly_known:
         note = f"{n - unknown} of {n} pairs reach the limit"
-        return Estimate(None, None, None, None, n, unknown, unit, note)
-    if len(costs) > 1:
-        own = results.of_variant(form)
-        exponent = cost_exponent(results.study, own)
-        of_sets = None if weights is None else as_interval(weights, exponent)
-        found = crossed_mean(costs, unit, set_weights=of_sets)
-    else:
-        found = mean(costs[~np.isnan(costs)], unit)
+        return Estimate(None, None, None, None, n, unknown, costs.unit, note)
     note = f"over {n - unknown} of {n} pairs" if unknown else ""
-    return Estimate(
-        found.value, found.lower, found.upper, found.standard_error, n, unknown, unit, note
-    )
+    return replace(costs.section_mean(), n=n, n_censored=unknown, note=note)
 
 
 def _at_most(results: Results, scenario: str, pairs: _Pairs, sizes: np.ndarray) -> float | None:
@@ -251,53 +218,30 @@ def _at_most(results: Results, scenario: str, pairs: _Pairs, sizes: np.ndarray) 
     return total / weight if weight > 0.0 and np.isfinite(total) else None
 
 
-def _shares(weights: SetWeights | None, values: np.ndarray) -> np.ndarray:
-    """Weight [E, R] of every value."""
-    of_sets = plain_weights(weights)
-    column = np.ones(len(values)) if of_sets is None else of_sets[: len(values)]
-    return np.broadcast_to(column[:, None], values.shape)
-
-
 def _quantiles(
-    values: np.ndarray, levels: Sequence[float], sizes: np.ndarray
+    values: np.ndarray, shares: np.ndarray, levels: Sequence[float]
 ) -> list[float | None]:
-    """Weighted quantiles of [E, R] values, NaN left out; None where infinite or without any value.
+    """Quantiles of [E, R] values weighted by ``shares``; None where infinite or without any value.
 
     Linear between order statistics in one complete sample, else the first value to reach the level.
     """
-    some = ~np.isnan(values) & (sizes > 0.0)
-    if not np.any(some):
-        return [None for _ in levels]
-    sample, of_sample = values[some], sizes[some]
-    if len(values) == 1 and np.all(np.isfinite(sample)):
-        return [float(value) for value in np.quantile(sample, levels)]
-    found = np.quantile(sample, levels, weights=of_sample, method="inverted_cdf")
-    return [float(value) if np.isfinite(value) else None for value in found]
+    known = values[~np.isnan(values)]
+    if len(values) == 1 and len(known) and np.all(np.isfinite(known)):
+        quantiles = np.quantile(known, levels)
+    else:
+        quantiles = weighted_quantiles(values, shares, levels)
+    return [float(value) if np.isfinite(value) else None for value in quantiles]
 
 
-def _known_quantiles(
-    values: np.ndarray, pairs: _Pairs, levels: Sequence[float], sizes: np.ndarray
-) -> list[float | None]:
+def _known_quantiles(effect: CrossedSample, levels: Sequence[float]) -> list[float | None]:
     """Quantiles of an effect over the known pairs; None where the censored ones could be anything."""
-    unknown = pairs.valid & np.isnan(values)
-    low, high = (
-        _quantiles(np.where(unknown, end, values), levels, sizes) for end in (-np.inf, np.inf)
+    low, high, known = (
+        _quantiles(values, effect.shares, levels)
+        for values in (effect.lowest, effect.highest, effect.values)
     )
-    if not pairs.mostly_known:
+    if not effect.mostly_known:
         return [a if a == b else None for a, b in zip(low, high, strict=True)]
-    known = _quantiles(values, levels, sizes)
     return [None if a is None or b is None else k for a, b, k in zip(low, high, known, strict=True)]
-
-
-def _matrices(table: pd.DataFrame, columns: Sequence[str], own: pd.DataFrame) -> list[np.ndarray]:
-    """Columns of ``table`` as [E, R] over all sets and tracks of ``own``; NaN where missing."""
-    tracks = np.unique(own["realisation"].to_numpy(dtype=int))
-    wide = table.set_index(["parameter_set", "realisation"])[list(columns)]
-    wide = wide.reindex(pd.MultiIndex.from_product([sets_of(own), tracks]))
-    shape = len(sets_of(own)), len(tracks)
-    return [
-        wide[column].to_numpy(dtype=float, na_value=np.nan).reshape(shape) for column in columns
-    ]
 
 
 def _horizon_wanted(results: Results, form: str) -> float | None:

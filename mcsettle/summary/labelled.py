@@ -1,5 +1,6 @@
 """The results as labelled arrays: an ``xarray.Dataset`` with units."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -17,10 +18,12 @@ def labelled(
     tables: dict[str, pd.DataFrame],
     scenarios: tuple[str, ...],
     variants: tuple[str, ...],
-    currency: str = "",
+    currency: str,
+    units: Mapping[str, str],
 ) -> "xarray.Dataset":
     """Every column of ``realisations`` and ``effects`` over ``DIMS``, NaN where a row is missing.
 
+    ``units``: of the columns of the drawn inputs.
     The ``status`` of the effects is ``effect_status``, their other texts are left out.
 
     Raises
@@ -38,7 +41,7 @@ def labelled(
     for name, table in tables.items():
         if table.empty:
             continue
-        schema = schema_of(name, table.columns, currency)
+        schema = schema_of(name, table.columns, currency, units)
         rows = table.astype({"scenario": str, "variant": str}).set_index(DIMS)
         part = xarray.Dataset.from_dataframe(
             rows.drop(columns=["baseline", "effect"], errors="ignore")

@@ -8,12 +8,15 @@ import numpy as np
 import pandas as pd
 
 from mcsettle.errors import InputError
-from mcsettle.estimate.conditioning import Conditioning, InputBand, weighted_bands
+from mcsettle.estimate.conditioning import Conditioning, InputBand
+from mcsettle.estimate.estimate import LEVELS
+from mcsettle.estimate.weighted_quantiles import weighted_quantiles
 from mcsettle.storage import manifest, store
 from mcsettle.storage.location import Folder, Place, Where, place
 from mcsettle.storage.manifest import MANIFEST, STUDY_FILE
 from mcsettle.storage.tables import input_column
 from mcsettle.study.former_keys import COST, former_cost
+from mcsettle.study.key_units import input_units
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, study_from_text
 from mcsettle.summary.labelled import labelled
@@ -70,7 +73,15 @@ class Results:
         drawn = self.of_variant(variant).groupby("parameter_set").first()
         columns = {e.input: drawn[input_column(e.input)] for e in self.study.uncertain}
         return [
-            InputBand(name, *weighted_bands(values.to_numpy(dtype=float), found.weights))
+            InputBand(
+                name,
+                *(
+                    tuple(
+                        weighted_quantiles(values.to_numpy(dtype=float), weights, LEVELS).tolist()
+                    )
+                    for weights in (np.ones(len(values)), found.weights)
+                ),
+            )
             for name, values in columns.items()
         ]
 
@@ -94,7 +105,8 @@ class Results:
         """
         tables = {"realisations": self.realisations, "effects": self.effects}
         study = self.study
-        return labelled(tables, study.scenario_names, study.variant_names, study.currency)
+        names = study.scenario_names, study.variant_names
+        return labelled(tables, *names, study.currency, input_units(study))
 
     def __repr__(self) -> str:
         counts = self.realisations["status"].value_counts()

@@ -12,6 +12,7 @@ import pandas as pd
 
 from mcsettle.economics import perpetual_present_value
 from mcsettle.estimate.estimate import LEVELS
+from mcsettle.estimate.weighted_quantiles import weighted_quantiles
 from mcsettle.storage import store
 from mcsettle.storage.location import Where, place
 from mcsettle.study.study import Study
@@ -72,18 +73,6 @@ def ground_report(
     return GroundReport(study, variant, scenario, tuple(rows), _row("line", frame), tuple(reasons))
 
 
-def weighted_quantiles(values: np.ndarray, weights: np.ndarray) -> tuple[float, ...]:
-    """Quantiles of weighted values at ``LEVELS``: the value at which that share of weight is reached.
-
-    >>> weighted_quantiles(np.array([1.0, 2.0, 3.0]), np.array([1.0, 8.0, 1.0]))
-    (1.0, 2.0, 3.0)
-    """
-    order = np.argsort(values, kind="stable")
-    share = np.cumsum(weights[order]) / np.sum(weights)
-    places = np.searchsorted(share, np.asarray(LEVELS) - 1e-12)
-    return tuple(float(v) for v in values[order][np.minimum(places, len(values) - 1)])
-
-
 def _weighted(study: Study, frame: pd.DataFrame, variant: str, scenario: str) -> pd.DataFrame:
     """Rows of one variant and scenario with segment, weight, days and cost."""
     grounds = study.grounds()
@@ -132,18 +121,11 @@ def _row(name: object, part: pd.DataFrame) -> SegmentRow:
         int(sound["parameter_set"].nunique()),
         n_failed,
         known,
-        weighted_quantiles(sound["days"].to_numpy(), weights),
-        _quantiles(sound["cost"].to_numpy(), weights),
+        tuple(weighted_quantiles(sound["days"].to_numpy(), weights, LEVELS).tolist()),
+        tuple(weighted_quantiles(sound["cost"].to_numpy(), weights, LEVELS).tolist()),
         _mean(sound["cost"].to_numpy(), weights),
         _mean_of_most(sound["marginal"].to_numpy(), weights),
     )
-
-
-def _quantiles(values: np.ndarray, weights: np.ndarray) -> tuple[float, ...]:
-    known = np.isfinite(values)
-    if not known.any():
-        return (np.nan,) * len(LEVELS)
-    return weighted_quantiles(values[known], weights[known])
 
 
 def _mean_of_most(values: np.ndarray, weights: np.ndarray) -> float:

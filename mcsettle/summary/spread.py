@@ -6,69 +6,40 @@ several lengths. For the effects: how much pairing the same tracks has gained, a
 interval, which is not the mean cost.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from mcsettle import economics
-from mcsettle.estimate.crossed import crossed_mean
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import Estimate, Statistic
 from mcsettle.estimate.line_mean import line_means
-from mcsettle.estimate.resampling import Weights, plain_weights
 from mcsettle.estimate.total_index import total_order
 from mcsettle.estimate.variance import LEAST_SETS, first_order, spread_scores, variance_split
 from mcsettle.storage.tables import input_column
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.study import Study
-from mcsettle.summary.results import CENSORED, INTERVAL
+from mcsettle.summary.results import INTERVAL
+from mcsettle.summary.samples import matrix, sets_of
 from mcsettle.units import DAYS_PER_YEAR
 
 IDENTITY = 1e-12  # relative variance of a paired effect below which it is the same on every track
 
 
-def matrix(table: pd.DataFrame, column: str, sets: np.ndarray | None = None) -> np.ndarray:
-    """A column as [E, R], parameter sets × realisations; NaN where empty or missing.
-
-    ``sets`` [E] are all that the run has; a table from which failed rows are gone may lack some.
-    """
-    own_sets, row = np.unique(table["parameter_set"].to_numpy(dtype=int), return_inverse=True)
-    tracks, track = np.unique(table["realisation"].to_numpy(dtype=int), return_inverse=True)
-    if sets is not None:
-        row = np.searchsorted(sets, own_sets)[row]
-    wide = np.full((len(own_sets if sets is None else sets), len(tracks)), np.nan)
-    wide[row, track] = table[column].to_numpy(dtype=float, na_value=np.nan)
-    return wide
-
-
-def sets_of(table: pd.DataFrame) -> np.ndarray:
-    """The parameter sets [E] of a table, rising."""
-    return np.unique(table["parameter_set"].to_numpy(dtype=int))
-
-
 def interval_spread(
-    study: Study,
-    members: Sequence[ParameterSet],
-    table: pd.DataFrame,
-    weights: Weights = None,
+    study: Study, members: Sequence[ParameterSet], table: pd.DataFrame, days: CrossedSample
 ) -> list[Statistic]:
     """Split, indices and lines of the tamping interval in one variant and scenario.
 
-    With ``weights`` [E] of the parameter sets there are no indices: weighted inputs are not
-    independent of each other.
+    With weighted parameter sets there are no indices: weighted inputs are not independent of each
+    other.
     """
-    days = matrix(table, INTERVAL)
-    censored = np.isnan(days) & ~np.isnan(matrix(table, CENSORED))
-    found = list(_split(study, members, table, days, censored, weights))
-    if 2 * censored.sum() > np.sum(~np.isnan(days) | censored):
-        return found  # the mean over a line is mostly the horizon
-    if not censored.any():
-        return found + _lines(study, days, "d", "", weights)
-    # A section that outlasts the horizon counts with the horizon, in every mean.
-    horizon = float(np.nanmin(matrix(table, CENSORED)))
-    cut = np.where(censored, horizon, np.minimum(days, horizon))
-    return found + _lines(study, cut, "d", f"restricted to day {horizon:g}", weights)
+    statistics = list(_split(study, members, table, days))
+    if days.mostly_known:  # else the mean over a line is mostly the horizon
+        statistics += _lines(study, days.restricted())
+    return statistics
 
 
 def effect_spread(
@@ -76,13 +47,11 @@ def effect_spread(
     members: Sequence[ParameterSet],
     scenario: str,
     own: pd.DataFrame,
-    effects: pd.DataFrame,
-    weights: Weights = None,
+    effects: Mapping[str, CrossedSample],
 ) -> dict[str, list[Statistic]]:
     """Split, indices, lines, pairing gain and cost at the mean interval, by metric.
 
-    ``own`` and ``effects`` are the rows of one variant, ``effects`` without failed ones; ``weights``
-    as in ``interval_spread``.
+    ``own`` are the rows of one variant, ``effects`` its paired effects by metric.
     """
     change, prices = study.change(scenario), study.priced
     if change is None or prices is None:
@@ -90,51 +59,46 @@ def effect_spread(
     base, other = (
         matrix(own[own["scenario"] == name], INTERVAL) for name in (prices.baseline, scenario)
     )
-    sets = sets_of(own)
-    sound = ~np.isnan(matrix(effects.assign(sound=1.0), "sound", sets))
-    found: dict[str, list[Statistic]] = {}
-    for metric in ("reduction_percent", "marginal_cost"):
-        values = matrix(effects, metric, sets)
-        if not _is_identity(values):
-            censored = np.isnan(values) & sound
-            found[metric] = list(_split(study, members, own, values, censored, weights))
-    if weights is None:  # a matter of the design, not of what is known of the line
-        found.setdefault("reduction_percent", []).extend(_pairing(base, other))
-    cost = matrix(effects, "marginal_cost", sets)
-    if 2 * np.sum(np.isnan(cost) & sound) > np.sum(sound):
-        return found  # the known pairs are the short-lived ones: their mean is not the line's
-    at_mean = _cost_at_mean(members, scenario, base, other, weights)
-    costs = found.setdefault("marginal_cost", [])
-    note = "censored pairs left out" if _gaps(cost) else ""
-    costs += _lines(study, cost, change.unit, note, weights)
-    mean = crossed_mean(cost, change.unit, note, set_weights=weights)
-    costs.append(Statistic("section_mean", None, mean))
-    costs.append(Statistic("cost_at_mean_interval", None, _plain(at_mean, cost, change.unit)))
-    return found
+    statistics = {
+        metric: list(_split(study, members, own, effects[metric]))
+        for metric in ("reduction_percent", "marginal_cost")
+        if not _is_identity(effects[metric].values)
+    }
+    cost = effects["marginal_cost"]
+    if cost.weights is None:  # a matter of the design, not of what is known of the line
+        statistics.setdefault("reduction_percent", []).extend(_pairing(base, other))
+    if not cost.mostly_known:
+        return statistics  # the known pairs are the short-lived ones: their mean is not the line's
+    missing = int(np.sum(np.isnan(cost.values)))
+    cost = replace(cost, note="censored pairs left out" if missing else "")
+    at_mean = Estimate(
+        _cost_at_mean(members, scenario, base, other, cost.shares[:, 0]),
+        *(None, None, None, cost.values.size - missing, missing, cost.unit, cost.note),
+    )
+    costs = statistics.setdefault("marginal_cost", [])
+    costs += _lines(study, cost)
+    costs.append(Statistic("section_mean", None, cost.mean()))
+    costs.append(Statistic("cost_at_mean_interval", None, at_mean))
+    return statistics
 
 
 def _split(
-    study: Study,
-    members: Sequence[ParameterSet],
-    table: pd.DataFrame,
-    values: np.ndarray,
-    censored: np.ndarray,
-    weights: Weights,
+    study: Study, members: Sequence[ParameterSet], table: pd.DataFrame, sample: CrossedSample
 ) -> Iterator[Statistic]:
     """Variance shares, first-order and total indices; nothing with one set or one section.
 
     Sets that failed altogether are left out.
     """
-    kept = np.any(~np.isnan(values) | censored, axis=1)
-    of_sets = plain_weights(weights)
-    scores, scale = spread_scores(values[kept], censored[kept])
+    kept, n_censored = np.any(sample.valid, axis=1), int(np.sum(sample.censored))
+    scores, scale = spread_scores(sample.values[kept], sample.censored[kept])
     if min(scores.shape) < 2 or np.ptp(scores) == 0.0:
         return
-    split = variance_split(scores, scale, None if of_sets is None else of_sets[kept])
+    weighted = sample.weights is not None
+    split = variance_split(scores, scale, sample.shares[kept, 0] if weighted else None)
     for part in ("parameters", "sections", "interaction"):
-        share = replace(getattr(split, part), n_censored=int(censored.sum()))
+        share = replace(getattr(split, part), n_censored=n_censored)
         yield Statistic("variance_share", None, share, part)
-    if len(scores) < LEAST_SETS or weights is not None:
+    if len(scores) < LEAST_SETS or weighted:
         return
     paths, drawn = _drawn(study, members, table)
     if not paths:  # what differs between the sets is their grounds
@@ -142,10 +106,10 @@ def _split(
     for path, (index, error) in zip(paths, first_order(drawn[kept], scores), strict=True):
         bounds = index - 1.96 * error, index + 1.96 * error
         note = f"of the variance of the {scale}"
-        estimate = Estimate(index, *bounds, error, scores.size, int(censored.sum()), "1", note)
+        estimate = Estimate(index, *bounds, error, scores.size, n_censored, "1", note)
         yield Statistic("first_order_index", None, estimate, path)
     own = [members[e] for e in sets_of(table)[kept].tolist()]
-    yield from _totals(own, paths, scores, scale, int(censored.sum()))
+    yield from _totals(own, paths, scores, scale, n_censored)
 
 
 def _drawn(
@@ -192,11 +156,9 @@ def _totals(
         yield Statistic("total_index", None, estimate, path)
 
 
-def _lines(
-    study: Study, values: np.ndarray, unit: str, note: str, weights: Weights
-) -> list[Statistic]:
+def _lines(study: Study, sample: CrossedSample) -> list[Statistic]:
     """Mean over lines of several lengths, with its quantiles."""
-    lines = line_means(values, study.profile.window_m, set_weights=weights, unit=unit, note=note)
+    lines = line_means(sample, study.profile.window_m)
     return [statistic for line in lines for statistic in line.statistics]
 
 
@@ -244,11 +206,10 @@ def _cost_at_mean(
     scenario: str,
     base: np.ndarray,
     other: np.ndarray,
-    weights: Weights,
+    weights: np.ndarray,
 ) -> float | None:
-    """Marginal cost at the mean intervals of each parameter set, averaged over the sets."""
-    found, shares = [], []
-    of_sets = plain_weights(weights)
+    """Marginal cost at the mean intervals of each parameter set, averaged with ``weights`` [E]."""
+    costs, shares = [], []
     for e, (member, first, second) in enumerate(zip(members, base, other, strict=False)):
         change, prices = member.study.change(scenario), member.study.priced
         both = ~np.isnan(first) & ~np.isnan(second)
@@ -263,19 +224,9 @@ def _cost_at_mean(
             prices.discount_rate,
             change.divisor,
         )
-        found.append(float(cost))
-        shares.append(1.0 if of_sets is None else float(of_sets[e]))
-    return float(np.average(found, weights=shares)) if sum(shares) > 0.0 else None
-
-
-def _plain(value: float | None, values: np.ndarray, unit: str) -> Estimate:
-    n, missing = int(np.sum(~np.isnan(values))), _gaps(values)
-    note = "censored pairs left out" if missing else ""
-    return Estimate(value, None, None, None, n, missing, unit, note)
-
-
-def _gaps(values: np.ndarray) -> int:
-    return int(np.sum(np.isnan(values)))
+        costs.append(float(cost))
+        shares.append(float(weights[e]))
+    return float(np.average(costs, weights=shares)) if sum(shares) > 0.0 else None
 
 
 def _is_identity(values: np.ndarray) -> bool:

@@ -6,25 +6,26 @@ inputs, between parameter sets; the standard error is what a larger sample would
 has observations, the same numbers with the parameter sets weighted by them stand beside (``observed``).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from mcsettle import economics
-from mcsettle.estimate.crossed import crossed_bounded, crossed_effects, crossed_intervals
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
 from mcsettle.estimate.likelihood import likelihood
 from mcsettle.estimate.refit import refitted_weights
 from mcsettle.estimate.resampling import SetWeights, Weights, as_interval, plain_weights
-from mcsettle.estimate.sample import summarise_effects, summarise_intervals
+from mcsettle.estimate.weighted_quantiles import weighted_quantiles
 from mcsettle.storage.tables import input_column
 from mcsettle.study.schema.published import ReferenceTable
 from mcsettle.study.study import Study
 from mcsettle.summary.courses import courses
-from mcsettle.summary.results import CENSORED, INTERVAL, Results
-from mcsettle.summary.spread import effect_spread, interval_spread, matrix, sets_of
+from mcsettle.summary.results import INTERVAL, Results
+from mcsettle.summary.samples import effect_sample, interval_sample, matrix
+from mcsettle.summary.spread import effect_spread, interval_spread
 from mcsettle.units import DAYS_PER_YEAR
 
 GROWTH = "sd_growth_1y_mm"
@@ -81,18 +82,16 @@ def _rows_of(
     table = results.part("realisations", variant, scenario)
     if table.empty or (table["status"] == "failed").all():
         return
+    sample = interval_sample(table)
 
-    def intervals(of_sets: Weights) -> list[Statistic]:
-        return _intervals(table, INTERVAL, CENSORED, of_sets)
+    def spread(days: CrossedSample) -> list[Statistic]:
+        return interval_spread(results.study, results.members, table, days)
 
-    row = SummaryRow(variant, scenario, INTERVAL, "d", tuple(intervals(None)))
-    row = replace(row, spread=tuple(interval_spread(results.study, results.members, table)))
+    statistics = tuple(sample.interval_statistics())
+    row = SummaryRow(variant, scenario, INTERVAL, "d", statistics, spread=tuple(spread(sample)))
     if weights is not None:
-        own = as_interval(weights)
-        given = [
-            *intervals(own),
-            *interval_spread(results.study, results.members, table, own),
-        ]
+        conditioned = sample.weighted(as_interval(weights))
+        given = [*conditioned.interval_statistics(), *spread(conditioned)]
         row = replace(row, conditioned=_renamed(given))
     sound = table[table["status"] != "failed"]
     days = sound[INTERVAL].fillna(np.inf)  # a censored one lies above any published value
@@ -116,15 +115,6 @@ def set_weights(results: Results, variant: str) -> SetWeights | None:
 
 def _renamed(statistics: Iterable[Statistic]) -> tuple[Statistic, ...]:
     return tuple(replace(s, statistic=f"conditioned_{s.statistic}") for s in statistics)
-
-
-def _intervals(table: pd.DataFrame, column: str, ends: str, weights: Weights) -> list[Statistic]:
-    """Statistics of a column with its censorings, crossed if there are several parameter sets."""
-    if table["parameter_set"].nunique() > 1:
-        found = matrix(table, column), matrix(table, ends)
-        return crossed_intervals(*found, set_weights=weights)
-    values, limits = (table[c].to_numpy(dtype=float, na_value=np.nan) for c in (column, ends))
-    return summarise_intervals(values, limits)
 
 
 def _growth_rows(
@@ -163,29 +153,27 @@ def _growth_row(
 ) -> SummaryRow:
     early = column == GROWTH and results.study.limit.horizon_days < DAYS_PER_YEAR
     note = "the horizon comes before day 365" if early else "the limit comes first"
-    sets = sets_of(results.realisations)
-    row = SummaryRow(*key, "mm", _growth(table, sets, column, note, None))
+    # Where the limit came first, growth is censored at the limit.
+    table = table.assign(end=table["to_limit"].where(table[column].isna(), np.nan))
+    values, ends = (matrix(table, name, results.realisations) for name in (column, "end"))
+    sample = CrossedSample(values, "mm", ends)
+    row = SummaryRow(*key, "mm", _noted(sample, note))
     if weights is not None:
-        row = replace(row, conditioned=_renamed(_growth(table, sets, column, note, weights)))
+        row = replace(row, conditioned=_renamed(_noted(sample.weighted(weights), note)))
     return _with_reference(results, row, table.assign(values=table[column]), weights)
 
 
-def _growth(
-    table: pd.DataFrame, sets: np.ndarray, column: str, note: str, weights: Weights
-) -> tuple[Statistic, ...]:
-    """Quantiles of SD growth; where the limit came first, growth is censored at the limit."""
-    table = table.assign(end=table["to_limit"].where(table[column].isna(), np.nan))
-    if len(sets) > 1:
-        of_sets = matrix(table, column, sets), matrix(table, "end", sets)
-        found = crossed_bounded(*of_sets, "mm", set_weights=weights)
-    else:
-        found = _intervals(table, column, "end", None)
-    rows = []
-    for row in found:
-        if row.level is not None:
-            said = note if row.estimate.value is None else ""
-            rows.append(replace(row, estimate=replace(row.estimate, unit="mm", note=said)))
-    return tuple(rows)
+def _noted(growth: CrossedSample, note: str) -> tuple[Statistic, ...]:
+    """Quantiles of SD growth; ``note`` says why one is not given."""
+    return tuple(
+        replace(
+            row,
+            estimate=replace(
+                row.estimate, unit="mm", note=note if row.estimate.value is None else ""
+            ),
+        )
+        for row in growth.certain_statistics()
+    )
 
 
 def tonnage_rows(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
@@ -198,7 +186,7 @@ def tonnage_rows(results: Results, variant: str, scenario: str) -> Iterator[Summ
     grown = [100.0 * (c.changed / c.base - 1.0) for c in changes if c and c.effect == "tonnage"]
     if not grown:
         return
-    found = np.quantile(grown, LEVELS, method="inverted_cdf")
+    found = weighted_quantiles(np.array(grown), np.ones(len(grown)), LEVELS)
     n, note = len(grown), "from the timetable" if len(grown) == 1 else "from the loads drawn"
     rows = tuple(
         Statistic("quantile", p, Estimate(float(v), float(v), float(v), 0.0, n, 0, "%", note))
@@ -221,20 +209,29 @@ def _effect_rows(
     if table.empty:
         return
     own = results.of_variant(variant)
-    sets = sets_of(results.realisations)
-    spreads = effect_spread(results.study, results.members, scenario, own, table)
-    given: dict[str, list[Statistic]] = {}
-    priced = as_interval(weights, cost_exponent(results.study, own))
-    if weights is not None:
-        given = effect_spread(results.study, results.members, scenario, own, table, priced)
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
-    for metric, unit in units.items():
-        row = SummaryRow(variant, scenario, metric, unit, _effects(table, sets, metric, unit, None))
-        row = replace(row, spread=tuple(spreads.get(metric, ())))
-        if weights is not None:
-            of_sets = priced if metric == "marginal_cost" else weights
-            found = [*_effects(table, sets, metric, unit, of_sets), *given.get(metric, ())]
-            row = replace(row, conditioned=_renamed(found))
+    samples = {
+        metric: effect_sample(table, metric, unit, results.realisations)
+        for metric, unit in units.items()
+    }
+
+    def spreads(effects: Mapping[str, CrossedSample]) -> dict[str, list[Statistic]]:
+        return effect_spread(results.study, results.members, scenario, own, effects)
+
+    conditioned: dict[str, CrossedSample] = {}
+    if weights is not None:
+        priced = as_interval(weights, cost_exponent(results.study, own))
+        of_metric = {"marginal_cost": priced}
+        conditioned = {m: s.weighted(of_metric.get(m, weights)) for m, s in samples.items()}
+    spread, given = spreads(samples), spreads(conditioned) if conditioned else {}
+    for metric, sample in samples.items():
+        row = SummaryRow(
+            *(variant, scenario, metric, sample.unit, tuple(sample.effect_statistics())),
+            spread=tuple(spread.get(metric, ())),
+        )
+        if conditioned:
+            statistics = [*conditioned[metric].effect_statistics(), *given.get(metric, ())]
+            row = replace(row, conditioned=_renamed(statistics))
         yield _with_reference(results, row, table.assign(values=table[metric]), weights)
 
 
@@ -247,16 +244,6 @@ def cost_exponent(study: Study, own: pd.DataFrame) -> float:
     if not np.isfinite(days):
         return 0.0
     return economics.cost_exponent(prices.discount_rate, float(days) / DAYS_PER_YEAR)
-
-
-def _effects(
-    table: pd.DataFrame, sets: np.ndarray, metric: str, unit: str, weights: Weights
-) -> tuple[Statistic, ...]:
-    """Statistics of a paired effect, crossed if there are several parameter sets."""
-    if len(sets) == 1:
-        return tuple(summarise_effects(table[metric].to_numpy(dtype=float, na_value=np.nan), unit))
-    failed = np.isnan(matrix(table.assign(known=1.0), "known", sets))
-    return tuple(crossed_effects(matrix(table, metric, sets), failed, unit, set_weights=weights))
 
 
 def _with_reference(

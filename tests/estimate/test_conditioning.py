@@ -14,8 +14,8 @@ from scipy import stats
 from toy import COST, FITTED, INTERVAL, LOAD, N0, uncertain
 
 from mcsettle.errors import InputError
-from mcsettle.estimate.conditioning import Conditioning, conditioned, weighted_bands
-from mcsettle.estimate.crossed import crossed_mean, crossed_quantiles
+from mcsettle.estimate.conditioning import Conditioning, conditioned
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.likelihood import Median
 from mcsettle.estimate.observation import Observation
@@ -116,17 +116,16 @@ def test_conditioned_bands_are_those_of_the_posterior():
     days = np.exp(logs)
     for level in (0.05, 0.5, 0.95):
         truth = 700.0 * np.exp(-mean + np.hypot(sd, OF_TRACK) * stats.norm.ppf(level))
-        estimate = crossed_quantiles(days, days, (level,), "d", set_weights=found.weights)[0]
+        (estimate,) = CrossedSample(days, "d", weights=found.weights).quantiles((level,))
         assert abs(estimate.value - truth) < 4 * estimate.standard_error
     split = variance_split(logs, "logarithm", found.weights)
     assert split.parameters.value == pytest.approx(sd**2 / (sd**2 + OF_TRACK**2), abs=0.05)
     # Weights that are all alike change nothing.
     plain, alike = (
-        crossed_quantiles(days, days, (0.5,), "d", set_weights=w)[0]
-        for w in (None, np.full(2048, 3.0))
+        CrossedSample(days, "d", weights=w).quantiles((0.5,))[0] for w in (None, np.full(2048, 3.0))
     )
     assert plain == alike
-    mean_ = crossed_mean(days, "d", set_weights=np.full(2048, 0.1))
+    mean_ = CrossedSample(days, "d", weights=np.full(2048, 0.1)).mean()
     assert mean_.value == pytest.approx(days.mean())
 
 
@@ -167,12 +166,6 @@ def test_sds_between_the_days_recorded_and_beyond_the_last():
     course = courses("base", rows, history)["v201"]
     np.testing.assert_allclose(course.sd_on(5.0), [[1.2, 1.05]])
     np.testing.assert_allclose(course.sd_on(20.0), [[1.8, 1.15]])  # as steep as before
-
-
-def test_bands_of_inputs():
-    drawn, given = weighted_bands(np.arange(100.0), np.where(np.arange(100) < 50, 0.0, 1.0))
-    assert drawn == (4.0, 49.0, 94.0)
-    assert given == (52.0, 74.0, 97.0)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ import pytest
 from scipy import stats
 
 from mcsettle.errors import InputError
-from mcsettle.estimate import crossed, variance
+from mcsettle.estimate import variance
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.line_mean import line_means
 from mcsettle.estimate.sample import quantile
 from mcsettle.estimate.total_index import total_order
@@ -39,10 +40,6 @@ def assert_nominal(hits: list[bool], most: float = 1.0) -> None:
     assert 0.95 - 3 * error <= np.mean(hits) <= min(most, 0.95 + 3 * error)
 
 
-def never() -> np.ndarray:
-    return np.full((SETS, TRACKS), np.nan)
-
-
 def total_log_sd() -> float:
     return float(np.sqrt(sum(s**2 for s in SPREAD.values())))
 
@@ -51,7 +48,7 @@ def total_log_sd() -> float:
 def test_quantile_intervals_cover_at_their_rate(level):
     truth = 700.0 * np.exp(total_log_sd() * stats.norm.ppf(level))
     hits = [
-        covers(crossed.crossed_interval_quantile(intervals(i), never(), level, seed=i), truth)
+        covers(CrossedSample(intervals(i), "d", seed=i).interval_quantiles((level,))[0], truth)
         for i in range(EXPERIMENTS)
     ]
     assert_nominal(hits)
@@ -68,14 +65,14 @@ def test_an_estimator_that_takes_all_rows_for_independent_does_not_cover():
 def test_means_of_two_sets_or_tracks_have_an_interval():
     """Student's quantile of one degree of freedom lies beyond every resample: the ends are theirs."""
     for values in (np.array([[1.0, 2.0]]), np.array([[1.0, 2.0], [1.0, 2.0]]), np.ones((2, 2))):
-        found = crossed.crossed_mean(values, "d")
+        found = CrossedSample(values, "d").mean()
         assert found.lower <= found.value <= found.upper
 
 
 def test_means_cover_at_their_rate():
     truth = 700.0 * np.exp(0.5 * total_log_sd() ** 2)
     hits = [
-        covers(crossed.crossed_mean(intervals(i), "d", seed=i), truth) for i in range(EXPERIMENTS)
+        covers(CrossedSample(intervals(i), "d", seed=i).mean(), truth) for i in range(EXPERIMENTS)
     ]
     # The mean of a skew sample has a percentile interval that is a little short: 40 sets of a
     # lognormal with log SD 0.5 cost about a hundredth.
@@ -94,7 +91,8 @@ def test_censoring_at_a_horizon_does_not_bias():
         days = own.exponential(600.0, (1, TRACKS)) * np.exp(own.normal(0, 0.3, (SETS, 1)))
         late = days > horizon
         seen, ends = np.where(late, np.nan, days), np.where(late, horizon, np.nan)
-        hits.append(covers(crossed.crossed_interval_quantile(seen, ends, 0.5, seed=i), truth))
+        sample = CrossedSample(seen, "d", ends, seed=i)
+        hits.append(covers(sample.interval_quantiles((0.5,))[0], truth))
         naive.append(np.nanmedian(seen))
     assert_nominal(hits)
     assert np.mean(naive) < 0.75 * truth  # what dropping the censored rows would say
@@ -105,7 +103,7 @@ def test_beyond_the_horizon_a_quantile_is_not_reached():
     horizon = float(np.quantile(days, 0.6))
     late = days > horizon
     seen, ends = np.where(late, np.nan, days), np.where(late, horizon, np.nan)
-    rows = crossed.crossed_intervals(seen, ends)
+    rows = CrossedSample(seen, "d", ends).interval_statistics()
     high = next(s.estimate for s in rows if s.level == 0.95)
     assert high.value is None
     assert "not reached" in high.note
@@ -118,14 +116,13 @@ def test_beyond_the_horizon_a_quantile_is_not_reached():
 def test_effects_of_censored_pairs_are_bounded():
     values = np.arange(100.0).reshape(10, 10)
     values[9, 5:] = np.nan  # five of the highest are unknown
-    failed = np.zeros((10, 10), bool)
-    rows = crossed.crossed_effects(values, failed, "%")
+    rows = CrossedSample(values, "%", -np.inf).effect_statistics()
     middle = next(s.estimate for s in rows if s.level == 0.5)
     assert middle.n_censored == 5
     assert "worst case 44 to 49" in middle.note
     assert 44 <= middle.value <= 49
     assert not any(s.statistic == "mean" for s in rows)
-    exact = crossed.crossed_effects(np.arange(100.0).reshape(10, 10), failed, "%")
+    exact = CrossedSample(np.arange(100.0).reshape(10, 10), "%").effect_statistics()
     assert next(s.estimate for s in exact if s.level == 0.5).value == 49.0
     assert exact[-1].estimate.value == pytest.approx(49.5)
 
@@ -134,7 +131,8 @@ def test_growth_censored_at_the_limit_is_not_given_where_it_matters():
     values, limit = np.linspace(0.1, 0.9, 90).reshape(9, 10), np.full((9, 10), np.nan)
     values[values > 0.45], limit[np.isnan(values)] = np.nan, 0.45
     limit = np.where(np.isnan(values), 0.45, np.nan)
-    low, middle, high = (s.estimate for s in crossed.crossed_bounded(values, limit, "mm"))
+    sample = CrossedSample(values, "mm", limit)
+    low, middle, high = (s.estimate for s in sample.certain_statistics())
     assert low.value == pytest.approx(0.14, abs=0.01)
     assert (middle.value, high.value) == (None, None)
 
@@ -253,20 +251,21 @@ def test_a_spline_that_does_not_follow_the_sets_gives_no_indices():
 
 def test_along_a_line_sections_average_out_and_parameters_do_not():
     days = intervals(4, (50, 400), {"parameters": 0.0, "sections": 0.4, "interaction": 0.3})
-    lines = {line.length_km: line for line in line_means(days, 200.0)}
+    lines = {line.length_km: line for line in line_means(CrossedSample(days, "d"), 200.0)}
     assert [line.sections for line in lines.values()] == [1, 5, 50, 500]
     width = {km: line.quantiles[2].value - line.quantiles[0].value for km, line in lines.items()}
     assert width[10.0] / width[1.0] == pytest.approx(np.sqrt(5 / 50), rel=0.15)
     assert lines[100.0].quantiles[1].value == pytest.approx(days.mean(), rel=0.02)
     assert lines[0.2].quantiles[1].value == pytest.approx(np.median(days), rel=0.05)
-    uncertain = line_means(intervals(4, (50, 400), {**SPREAD, "sections": 0.1}), 200.0)
+    days = intervals(4, (50, 400), {**SPREAD, "sections": 0.1})
+    uncertain = line_means(CrossedSample(days, "d"), 200.0)
     first, last = ([q.value for q in uncertain[k].quantiles] for k in (0, -1))
     assert (last[2] / last[0]) == pytest.approx(first[2] / first[0], rel=0.2)
 
 
 def test_lines_leave_out_what_is_unknown():
     values = np.array([[1.0, np.nan], [np.nan, np.nan]])
-    line = line_means(values, 200.0, (0.2,))[0]
+    line = line_means(CrossedSample(values, "d"), 200.0, (0.2,))[0]
     assert line.sections == 1
     assert {(q.value, q.n, q.n_censored) for q in line.quantiles} == {(1.0, 1, 3)}
-    assert line_means(np.full((2, 2), np.nan), 200.0) == []
+    assert line_means(CrossedSample(np.full((2, 2), np.nan), "d"), 200.0) == []

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.likelihood import Likelihood, Median, log_of
 from mcsettle.estimate.line_mean import line_means
@@ -18,6 +19,10 @@ def days(n_sets=96, n_tracks=60, of_set=0.5, seed=0):
     return 700.0 * np.exp(
         of_set * rng.normal(size=(n_sets, 1)) + 0.4 * rng.normal(size=(1, n_tracks))
     )
+
+
+def lines_of(values, *args):
+    return line_means(CrossedSample(values, "d"), *args)
 
 
 def test_the_curve_without_lines_is_that_of_many_lines():
@@ -47,7 +52,7 @@ def test_moments_of_resampled_tracks_are_those_of_the_tracks_resampled():
 
 def test_intervals_hold_their_value_and_narrow_with_the_sample():
     for n_sets in (1, 96):
-        small, large = (line_means(days(n_sets, n), 200.0) for n in (30, 480))
+        small, large = (lines_of(days(n_sets, n), 200.0) for n in (30, 480))
         for few, many in zip(small, large, strict=True):
             for a, b in zip((*few.quantiles, few.mean), (*many.quantiles, many.mean), strict=True):
                 for e in (a, b):
@@ -58,7 +63,7 @@ def test_intervals_hold_their_value_and_narrow_with_the_sample():
 
 
 def test_few_sets_leave_the_outer_side_open():
-    few, many = (line_means(days(n, 40, 1.5), 200.0, (100.0,))[0].quantiles for n in (24, 200))
+    few, many = (lines_of(days(n, 40, 1.5), 200.0, (100.0,))[0].quantiles for n in (24, 200))
     assert few[0].lower is None
     assert few[0].upper is not None
     assert few[2].upper is None
@@ -68,15 +73,15 @@ def test_few_sets_leave_the_outer_side_open():
 
 def test_a_line_of_one_section_is_a_section_and_none_is_shorter():
     values = days(1, 50)
-    short = line_means(values, 200.0)[0]
+    short = lines_of(values, 200.0)[0]
     assert short.quantiles[1].value == pytest.approx(np.median(values))
-    assert [line.length_km for line in line_means(values, 1000.0)] == [1.0, 10.0, 100.0]
+    assert [line.length_km for line in lines_of(values, 1000.0)] == [1.0, 10.0, 100.0]
     assert [s.level for s in short.statistics] == [*LEVELS, None]
     assert {s.subject for s in short.statistics} == {"0.2 km"}
 
 
 def test_one_track_tells_nothing_of_a_line():
-    found = line_means(days(40, 1), 200.0, (10.0,))[0]
+    found = lines_of(days(40, 1), 200.0, (10.0,))[0]
     assert (found.quantiles[1].lower, found.quantiles[1].upper) == (None, None)
 
 

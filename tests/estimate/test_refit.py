@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mcsettle.economics import cost_exponent, present_value_slope
-from mcsettle.estimate.crossed import crossed_interval_quantile, crossed_mean, crossed_quantiles
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.likelihood import Likelihood, log_of
 from mcsettle.estimate.line_mean import line_means
 from mcsettle.estimate.observation import Course, Observation
@@ -76,14 +76,14 @@ def test_intervals_forget_what_the_fit_takes_away():
     """With the factors refitted the tracks hardly move the median; with them kept they do."""
     days, weights = fitted_days(), np.ones(SETS)
     refitted = as_interval(weights_of_fits(by_median(days), weights, TRACKS))
-    kept = crossed_quantiles(days, days, (0.5,), "d", set_weights=weights)[0]
-    found = crossed_quantiles(days, days, (0.5,), "d", set_weights=refitted)[0]
+    sample, sample_kept = (CrossedSample(days, "d", weights=w) for w in (refitted, weights))
+    (found,), (kept,) = sample.quantiles((0.5,)), sample_kept.quantiles((0.5,))
     assert found.value == kept.value
     assert found.standard_error < 0.4 * kept.standard_error
     assert found.upper - found.lower < 0.35 * (kept.upper - kept.lower)
-    interval = crossed_interval_quantile(days, np.full(days.shape, np.nan), 0.5, 0, refitted)
+    (interval,) = sample.interval_quantiles((0.5,))
     assert interval.standard_error == pytest.approx(found.standard_error)
-    mean, mean_kept = (crossed_mean(days, "d", set_weights=w) for w in (refitted, weights))
+    mean, mean_kept = sample.mean(), sample_kept.mean()
     assert mean.value == mean_kept.value
     assert mean.standard_error < 0.85 * mean_kept.standard_error
 
@@ -91,7 +91,10 @@ def test_intervals_forget_what_the_fit_takes_away():
 def test_lines_forget_it_too():
     days, weights = fitted_days(spread=0.2), np.ones(SETS)
     refitted = as_interval(weights_of_fits(by_median(days), weights, TRACKS))
-    found, kept = (line_means(days, 200.0, (10.0,), set_weights=w)[0] for w in (refitted, weights))
+    found, kept = (
+        line_means(CrossedSample(days, "d", weights=w), 200.0, (10.0,))[0]
+        for w in (refitted, weights)
+    )
     assert found.quantiles[1].value == pytest.approx(kept.quantiles[1].value, rel=1e-9)
     assert found.quantiles[1].standard_error < 0.7 * kept.quantiles[1].standard_error
 

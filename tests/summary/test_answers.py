@@ -4,10 +4,12 @@ from pathlib import Path
 
 import made_run
 import numpy as np
+import pandas as pd
 import pytest
 
 from mcsettle.economics import highest_costs, paired_effects, tonnage_change
-from mcsettle.summary.answers import answers, counted_forms
+from mcsettle.estimate.resampling import SetWeights
+from mcsettle.summary.answers import _interval, answers, counted_forms
 from mcsettle.summary.results import read_results
 
 DAYS = np.linspace(500.0, 900.0, 41)
@@ -80,3 +82,27 @@ def test_bound_holds_whatever_the_censored_intervals_are() -> None:
     nothing = np.full(1, np.nan)
     exact = paired_effects(np.array([500.0]), np.array([450.0]), nothing, nothing, change)
     assert known == pytest.approx(exact.marginal_cost, rel=1e-12)
+
+
+def test_a_set_that_failed_altogether_takes_no_weight_from_the_others() -> None:
+    """Of three sets the middle one has no results: the weights stay those of the first and the last."""
+    keys = pd.MultiIndex.from_product([range(3), range(4)], names=["parameter_set", "realisation"])
+    table = keys.to_frame(index=False).assign(
+        status=["reached"] * 4 + ["failed"] * 4 + ["reached"] * 4,
+        tamping_interval_days=[
+            100.0,
+            110.0,
+            120.0,
+            130.0,
+            *[np.nan] * 4,
+            500.0,
+            510.0,
+            520.0,
+            530.0,
+        ],
+        censored_at_days=np.nan,
+        mean_settlement_mm=1.0,
+    )
+    found = _interval(table, SetWeights(np.array([0.0, 0.5, 0.5])))
+    assert found.median.value == 510.0
+    assert found.half == (500.0, 520.0)

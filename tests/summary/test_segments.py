@@ -12,11 +12,14 @@ from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
 from mcsettle.errors import InputError
+from mcsettle.estimate.estimate import LEVELS
+from mcsettle.estimate.weighted_quantiles import weighted_quantiles
 from mcsettle.railway.ground_profiles import Columns, read_grounds, slab_materials, slabs
 from mcsettle.run.options import RunOptions
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import load_study, resolved_toml
-from mcsettle.summary.segments import ground_report, weighted_quantiles
+from mcsettle.summary.samples import interval_sample
+from mcsettle.summary.segments import ground_report
 from mcsettle.summary.spread import interval_spread
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -128,7 +131,7 @@ def test_a_run_goes_on_and_reports_by_segment(folder: Path, fresh_cache: Path) -
     assert report.line.known == pytest.approx(0.85)
     base = table[(table["scenario"] == "v201") & (table["parameter_set"] == 0)]
     days = base["tamping_interval_days"].to_numpy(float)
-    assert rows["A"].days == weighted_quantiles(days, np.ones(4))
+    assert rows["A"].days == tuple(weighted_quantiles(days, np.ones(4), LEVELS))
     assert rows["A"].failed == 1
     assert np.isnan(rows["A"].marginal)
     assert np.isfinite(ground_report(out, scenario="v225").line.marginal)
@@ -165,7 +168,7 @@ def test_the_spread_over_grounds_leaves_out_those_that_failed() -> None:
         }
     )
     own = toy.study()
-    found = interval_spread(own, all_sets(own), table)
+    found = interval_spread(own, all_sets(own), table, interval_sample(table))
     shares = {s.subject: s.estimate for s in found if s.statistic == "variance_share"}
     assert sum(e.value for e in shares.values()) == pytest.approx(1.0)
     assert {e.n for e in shares.values()} == {(n_sets - 1) * n_tracks}

@@ -6,7 +6,14 @@ from pydantic import Field
 
 from mcsettle.study.schema.base import Cycles, Name, Positive, Table
 from mcsettle.study.schema.currencies import Currency
-from mcsettle.study.schema.quantities import Millimetres, PerCent, Speed, Years, quantity
+from mcsettle.study.schema.quantities import (
+    Millimetres,
+    PerCent,
+    Speed,
+    Years,
+    in_plain,
+    quantity,
+)
 
 
 class EconomicsTable(Table):
@@ -15,11 +22,11 @@ class EconomicsTable(Table):
     effect: Literal["speed", "tonnage"]
     baseline: Name
     currency: Currency = "GBP"
-    tamping_cost_per_track_km: Positive = 5625.0
+    tamping_cost_per_track_km: Annotated[Positive, in_plain("currency/track-km")] = 5625.0
     discount_rate: Annotated[float, PerCent, Field(ge=0, lt=1)] = 0.035
     base_speed_kmh: Speed | None = None
-    trains_thousand_per_year: Positive | None = None
-    mgt_per_day: Positive | None = None
+    trains_thousand_per_year: Annotated[Positive, in_plain("1000/year")] | None = None
+    mgt_per_day: Annotated[Positive, in_plain("MGT/d")] | None = None
     price_base_year: Annotated[int, Field(ge=1900, le=2200)] | None = None
 
 

@@ -7,9 +7,9 @@ from pydantic import Field
 
 from mcsettle.study.schema.base import Column, FileName, Name, Table, Text
 from mcsettle.study.schema.profile import RecordTable
-from mcsettle.study.schema.quantities import Days, Metres, Millimetres
+from mcsettle.study.schema.quantities import Days, Metres, Millimetres, in_plain
 
-Chainage = Annotated[float, Field(ge=-1e7, le=1e7)]
+Chainage = Annotated[float, in_plain("m"), Field(ge=-1e7, le=1e7)]
 Date = Annotated[date, Field(strict=False)]  # a TOML date, or its ISO text
 
 
@@ -44,7 +44,7 @@ class TampingPlanTable(Table):
     """``[line.plan]``: shifts of a tamping machine; defaults as the paper's £9k and 1.6 km."""
 
     cost_per_shift: Annotated[float, Field(gt=0, le=1e9)] = 9000.0
-    output_m_per_shift: Annotated[Metres, Field(le=50_000)] = 1600.0
+    output_m_per_shift: Annotated[Metres, in_plain("m/shift"), Field(le=50_000)] = 1600.0
     least_length_m: Annotated[Metres, Field(le=10_000)] = 400.0
     join_within_days: Annotated[Days, Field(le=3650)] = 365.0
 
@@ -59,7 +59,7 @@ class LineTable(Table):
     variant: Name | None = None
     sd_error_mm: Annotated[Millimetres, Field(le=5)] | None = None
     repeat_days: Annotated[Days, Field(le=365)] = 30.0
-    align_within_m: Annotated[float, Field(ge=0, le=200)] = 25.0
+    align_within_m: Annotated[float, in_plain("m"), Field(ge=0, le=200)] = 25.0
     least_drop: Annotated[float, Field(gt=0, lt=1)] = 0.1
     tampings: Annotated[tuple[TampingTable, ...], Field(max_length=10_000)] = ()
     stretches: Annotated[tuple[StretchTable, ...], Field(max_length=10_000)] = ()

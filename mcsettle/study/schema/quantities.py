@@ -31,9 +31,16 @@ def in_unit(unit: str) -> Callable[[Any], Any]:
     return convert
 
 
+def in_plain(unit: str) -> Any:
+    """Marker of the unit of a plain number, as it is printed: the ``unit`` of its JSON Schema."""
+    return Field(json_schema_extra={"unit": unit})
+
+
 def quantity(unit: str) -> BeforeValidator:
     """Pydantic validator for a number in ``unit`` that may be written as text with its unit."""
-    return BeforeValidator(in_unit(unit), json_schema_input_type=float | str)
+    printed = "d" if unit == "day" else unit.replace("^", "").replace("*", " ")
+    received = Annotated[float | str, in_plain(printed)]
+    return BeforeValidator(in_unit(unit), json_schema_input_type=received)
 
 
 def _share(value: Any) -> Any:

@@ -16,6 +16,7 @@ from mcsettle.study.schema.quantities import (
     Pascals,
     SecondMoment,
     SpringStiffness,
+    in_plain,
     quantity,
 )
 
@@ -32,7 +33,7 @@ class LayerTable(Table):
     density_kg_per_m3: Density | None = None
     damping: Fraction | None = None
     k0: Annotated[float, Field(gt=0, le=3)] | None = None
-    ballast_coefficient_per_mpa2: Positive | None = None
+    ballast_coefficient_per_mpa2: Annotated[Positive, in_plain("1/MPa2")] | None = None
     ballast_log_slope: Positive | None = None
     settlement_a: Positive | None = None
     settlement_b: Annotated[float, Field(gt=0, lt=1)] | None = None

@@ -13,6 +13,7 @@ from mcsettle.study.schema.quantities import (
     Speed,
     SpringStiffness,
     Tonnes,
+    in_plain,
 )
 
 
@@ -66,7 +67,7 @@ class ServiceTable(Table):
 
     train: Name
     speed_kmh: Speed
-    per_day: Annotated[int, Field(ge=1, le=10_000)]
+    per_day: Annotated[int, in_plain("1/d"), Field(ge=1, le=10_000)]
 
 
 class ScenarioTable(Table):
@@ -75,5 +76,5 @@ class ScenarioTable(Table):
     name: Name
     title: Text = ""
     timetable: Annotated[tuple[ServiceTable, ...], Field(min_length=1, max_length=100)]
-    mgt_per_day: Positive | None = None
-    mgt_per_year: Positive | None = None
+    mgt_per_day: Annotated[Positive, in_plain("MGT/d")] | None = None
+    mgt_per_year: Annotated[Positive, in_plain("MGT/year")] | None = None
