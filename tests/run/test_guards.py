@@ -13,15 +13,17 @@ from toy import everything
 from mcsettle.errors import InputError
 from mcsettle.report.export import _cell
 from mcsettle.report.figures.style import drawn, styled
-from mcsettle.run import worker
+from mcsettle.run import close, worker
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.step_b.stepwise import Stepwise
 from mcsettle.storage import parquet
 from mcsettle.storage.location import place
+from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import read_provenance
 from mcsettle.storage.shard_record import read_record, record_name
 from mcsettle.study.read import parsed_toml
+from mcsettle.study.study import load_study
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 
@@ -58,6 +60,26 @@ def test_a_record_of_another_run_is_none(study, tmp_path):
     data = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(data | {"provenance": "ef" * 32}), encoding="utf-8")
     assert read_record(at, name, provenance) is None
+
+
+def test_gather_takes_the_manifest_away_before_it_changes_a_table(study, tmp_path, monkeypatch):
+    """Where it is stopped half way the folder says so."""
+    folder = small(study, tmp_path / "out")
+    assert (folder / MANIFEST).exists()
+    monkeypatch.setattr(close, "_write_effects", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        close.gather(folder)
+    assert not (folder / MANIFEST).exists()
+    monkeypatch.undo()
+    assert close.gather(folder).finished
+
+
+def test_a_study_of_a_terabyte_is_not_read(tmp_path):
+    path = tmp_path / "study.toml"
+    path.touch()
+    os.truncate(path, 1 << 40)
+    with pytest.raises(InputError, match=f"{1 << 40} bytes; a study has at most"):
+        load_study(path)
 
 
 def test_a_march_that_is_no_number_has_failed():
