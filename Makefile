@@ -17,7 +17,7 @@ help:
 	@echo "make test-browser  the report in a headless Chromium"
 	@echo "make docs       the documentation as a site: build/site/index.html"
 	@echo "make mutants    break guards one at a time: do the tests notice?"
-	@echo "make campaign   1000 kills and 20 000 hostile inputs, in hours; goes on where it stopped"
+	@echo "make campaign   1000 kills, 20 000 hostile studies (some 40 min); goes on where it stopped"
 	@echo "make bench      realisations a second"
 	@echo "make env        the environment only       make clean      forget everything built"
 
@@ -74,7 +74,7 @@ types: env
 mutants: env
 	$(BIN)/python tests/mutants.py
 
-# Hours; goes on where it stopped. CAMPAIGN names the folder of its books.
+# Some 40 minutes of one core; goes on where it stopped. CAMPAIGN names the folder of its books.
 campaign: env
 	$(BIN)/python tests/campaign.py $(CAMPAIGN)
 

@@ -111,7 +111,7 @@ def cycles(settlement_model: SettlementModel, gone: float = 0.0) -> np.ndarray:
 def study(**changes) -> Study:
     """The toy study cut down: three cars, four realisations, about a month to the limit.
 
-    ``changes`` replace keys of its tables, as in ``run={"realisations": 8}``.
+    ``changes`` replace keys of its tables, as in ``run={"realisations": 8}``; None leaves one out.
     """
     path = Path(__file__).resolve().parents[1] / "studies" / "toy.toml"
     data = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -125,12 +125,29 @@ def study(**changes) -> Study:
     data.pop("reference", None)
     for name in {**quick, **changes}:
         new = [table.get(name) for table in (quick, changes)]
-        if isinstance(data.get(name), dict):
+        if name in changes and changes[name] is None:
+            data.pop(name, None)
+        elif isinstance(data.get(name), dict):
             for table in new:
                 data[name] |= table or {}
         else:
             data[name] = next(value for value in reversed(new) if value is not None)
     return Study.from_mapping(data)
+
+
+def scenario(name: str, speed: float, train: str = "passenger") -> dict[str, object]:
+    """One train, 72 times a day."""
+    return {"name": name, "timetable": [{"train": train, "speed_kmh": speed, "per_day": 72}]}
+
+
+def tiny(**changes) -> Study:
+    """The toy study whose run is its files and little else: one car, a few waves of a short section."""
+    quick = {
+        "trains": {"passenger": {"vehicle": "passenger", "cars": 1}},
+        "profile": {"window_m": 70.0, "shortest_m": 15.0, "longest_m": 30.0},
+        "run": {"realisations": 2, "history_days": [0, 20], **changes.pop("run", {})},
+    }
+    return study(**quick, **changes)
 
 
 def table(folder: Path, name: str, scenario: str | None = None) -> pd.DataFrame:
