@@ -33,6 +33,7 @@ import test_hostile_input as hostile  # noqa: E402
 import toy  # noqa: E402
 from watch import Watch, is_below  # noqa: E402
 
+from mcsettle.kernels import runtime  # noqa: E402
 from mcsettle.run.options import RunOptions  # noqa: E402
 from mcsettle.run.pipeline import run_study  # noqa: E402
 from mcsettle.storage.files import cache_folder  # noqa: E402
@@ -78,6 +79,7 @@ def kills(folder: Path, seed: int, cases: int) -> Told:
 
 def runs(folder: Path, seed: int, cases: int) -> Told:
     """Studies with changes, run where they are accepted."""
+    runtime.start(1)
     with hostile.few_waves():
         return hostile.fuzz_runs(folder, cases, seed * cases)
 
