@@ -6,7 +6,7 @@ Coefficients are the same in every lane; layout, vectorisation and precision as 
 import taichi as ti
 
 from mcsettle.kernels.spectral import ROWS, product, step_on
-from mcsettle.kernels.varying import spread
+from mcsettle.kernels.varying import keep_half, raise_mean, spread
 
 
 @ti.kernel
@@ -20,6 +20,8 @@ def burst(
     sum_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
     diffs: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [M, 2]
     diff_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
+    outer_sums: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [2 n_max + 1] beside the band
+    outer_diffs: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [2 n_max + 1]
     multipliers: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [F, G] of the fields of susceptibility
     following: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [K] what the rail follows
     first: ti.i32,  # mode number of the band
@@ -27,6 +29,7 @@ def burst(
     n_tiles: ti.i32,
     n_groups: ti.template(),
     varies: ti.template(),  # whether there are fields
+    alike: ti.template(),  # one field, the same in all groups
     varying: ti.template(),
     state: ti.template(),
 ):
@@ -43,7 +46,7 @@ def burst(
         re = ti.Vector.zero(state.d.dtype, lanes)
         im = ti.Vector.zero(state.d.dtype, lanes)
         load = ti.Vector.zero(state.d.dtype, lanes)
-        settled = ti.Vector.zero(state.d.dtype, lanes)
+        raised = ti.Vector.zero(state.d.dtype, lanes)
         for step in range(axle.shape[0]):
             a = axle[step]
             w = ti.Vector([weight[step, g] for g in ti.static(range(n_groups))])
@@ -69,20 +72,21 @@ def burst(
                     state.d[t, n, 1, lane] = im[lane]
             if ti.static(varies):
                 for f in range(multipliers.shape[0]):
-                    common_load(
-                        t, a, f, n_modes, w, form, constant, mean, multipliers, n_groups, varying,
-                        state, load,
+                    own = ti.Vector([w[g] * multipliers[f, g] for g in ti.static(range(n_groups))])
+                    common_half(
+                        t, a, first, n_modes, own, form, constant, mean, sums, sum_start,
+                        outer_sums, diffs, diff_start, outer_diffs, n_groups, alike, varying,
+                        state, load, re, im,
                     )  # fmt: skip
-                    for lane in range(lanes):
-                        settled[lane] = 0.0
                     for i in range(n_modes):
-                        spread(t, f, i, first, n_modes, varying, load, settled, re, im)
+                        spread(t, f, i, first, n_modes, varying, load, re, im)
                         for lane in range(lanes):
                             state.d[t, i, 0, lane] = state.d[t, i, 0, lane] + re[lane]
                             state.d[t, i, 1, lane] = state.d[t, i, 1, lane] + im[lane]
+                    raise_mean(t, f, varying, raised)
                     for lane in range(lanes):
                         state.uniform[t, lane] = (
-                            state.uniform[t, lane] + state.factor[t, lane] * settled[lane]
+                            state.uniform[t, lane] + state.factor[t, lane] * raised[lane]
                         )
             step_on(t, n_modes, power_limit, following, state)
             # Single precision computes the next growth from a copy.
@@ -141,32 +145,67 @@ def common_product(
 
 
 @ti.func
-def common_load(
-    t: int, a: int, f: int, n_modes: int, w: ti.template(), form: ti.template(),
-    constant: ti.template(), mean: ti.template(), multipliers: ti.template(),
-    n_groups: ti.template(), varying: ti.template(), state: ti.template(), load: ti.template(),
+def common_half(
+    t: int, a: int, first: int, n_modes: int, w: ti.template(), form: ti.template(),
+    constant: ti.template(), mean: ti.template(), sums: ti.template(), sum_start: ti.template(),
+    outer_sums: ti.template(), diffs: ti.template(), diff_start: ti.template(),
+    outer_diffs: ti.template(), n_groups: ti.template(), alike: ti.template(),
+    varying: ti.template(), state: ti.template(), load: ti.template(),
+    re: ti.template(), im: ti.template(),
 ):  # fmt: skip
-    """What settles on average under the groups of field f, and half its linear part."""
+    """Half of what settles under the groups of a field, wave by wave, and on average; weights ``w``."""
+    lanes = ti.static(state.v.shape[3])
+    row = n_modes + sums.shape[0]
     c0 = 0.0
     for g in ti.static(range(n_groups)):
-        c0 = c0 + w[g] * multipliers[f, g] * constant[a, g]
-    for lane in range(state.v.shape[3]):
+        c0 = c0 + w[g] * constant[a, g]
+    for lane in range(lanes):
         load[lane] = ti.cast(c0, state.d.dtype)
     for mode in range(n_modes):
         n = mode & ROWS
-        ca = 0.0
-        cb = 0.0
-        cg = 0.0
-        for g in ti.static(range(n_groups)):
-            ca = ca + w[g] * multipliers[f, g] * form[a, g, n, 0]
-            cb = cb + w[g] * multipliers[f, g] * form[a, g, n, 1]
-            cg = cg + w[g] * multipliers[f, g] * mean[a, g, n]
-        la = ti.cast(0.5 * ca, state.d.dtype)
-        lb = ti.cast(0.5 * cb, state.d.dtype)
-        lg = ti.cast(cg, state.d.dtype)
-        for lane in range(state.v.shape[3]):
-            x = state.v[t, n, 0, lane]
-            y = state.v[t, n, 1, lane]
-            varying.half[t, n, 0, lane] = la * x - lb * y
-            varying.half[t, n, 1, lane] = la * y + lb * x
-            load[lane] = load[lane] + lg * (x * x + y * y)
+        common_load(t, a, n, w, form, mean, n_groups, state, load, re, im)
+        if ti.static(alike):  # the growth itself
+            for lane in range(lanes):
+                re[lane] = state.d[t, n, 0, lane]
+                im[lane] = state.d[t, n, 1, lane]
+        else:
+            for p in range(sum_start[n], sum_start[n + 1]):
+                common_product(t, a, n_modes + p, p, sums, form, w, n_groups, False, state, re, im)
+            for p in range(diff_start[n], diff_start[n + 1]):
+                common_product(t, a, row + p, p, diffs, form, w, n_groups, True, state, re, im)
+        keep_half(t, first - 1 + n, varying, re, im)
+    for wave in range(outer_sums.shape[0] - 1):
+        if wave < first - 1 or wave >= first - 1 + n_modes:
+            for lane in range(lanes):
+                re[lane] = 0.0
+                im[lane] = 0.0
+            for p in range(outer_sums[wave], outer_sums[wave + 1]):
+                common_product(t, a, n_modes + p, p, sums, form, w, n_groups, False, state, re, im)
+            for p in range(outer_diffs[wave], outer_diffs[wave + 1]):
+                common_product(t, a, row + p, p, diffs, form, w, n_groups, True, state, re, im)
+            keep_half(t, wave, varying, re, im)
+
+
+@ti.func
+def common_load(
+    t: int, a: int, n: int, w: ti.template(), form: ti.template(), mean: ti.template(),
+    n_groups: ti.template(), state: ti.template(), load: ti.template(),
+    re: ti.template(), im: ti.template(),
+):  # fmt: skip
+    """The linear part of what settles at mode n, and what the mode adds to the average."""
+    ca = 0.0
+    cb = 0.0
+    cg = 0.0
+    for g in ti.static(range(n_groups)):
+        ca = ca + w[g] * form[a, g, n, 0]
+        cb = cb + w[g] * form[a, g, n, 1]
+        cg = cg + w[g] * mean[a, g, n]
+    la = ti.cast(ca, state.d.dtype)
+    lb = ti.cast(cb, state.d.dtype)
+    lg = ti.cast(cg, state.d.dtype)
+    for lane in range(state.v.shape[3]):
+        x = state.v[t, n, 0, lane]
+        y = state.v[t, n, 1, lane]
+        re[lane] = la * x - lb * y
+        im[lane] = la * y + lb * x
+        load[lane] = load[lane] + lg * (x * x + y * y)

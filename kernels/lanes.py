@@ -13,8 +13,9 @@ import taichi as ti
 from mcsettle.kernels import pointwise
 from mcsettle.kernels.burst import burst
 from mcsettle.kernels.spectral import CAPACITY, LANES, Tables, workspace
-from mcsettle.kernels.varying import fields_of
+from mcsettle.kernels.varying import fields_of, is_alike
 
+EMPTY = np.zeros(1, dtype=np.int32)
 LAUNCH = 1e10  # floating-point operations in one launch: some tenths of a second on two cores
 
 
@@ -33,6 +34,7 @@ class March:
     waves : [R, F M, 2] of the fields of susceptibility; default none
     multipliers : [F, G] of the fields in the groups
     first : mode number of the band
+    outer : index tables of the pairs beside the band, where there are fields
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class March:
         waves: np.ndarray | None = None,
         multipliers: np.ndarray | None = None,
         first: int = 1,
+        outer: Tables = (EMPTY, EMPTY),
     ) -> None:
         n_real, n_modes = amplitudes.shape
         if n_real > CAPACITY:
@@ -56,7 +59,7 @@ class March:
         self._factor = np.ones(n_real) if factor is None else np.asarray(factor, dtype=float)
         self.following = np.ones(n_modes) if following is None else following
         self.multipliers = np.zeros((1, n_groups)) if multipliers is None else multipliers
-        self._waves, self.first = waves, first
+        self._waves, self.first, self.outer = waves, first, outer
         self.fields = self._workspace(n_modes)
         self._u = np.array(amplitudes, dtype=complex)
         self._active = np.sum(np.abs(amplitudes) ** 2, axis=1) < power_limit
@@ -85,15 +88,16 @@ class March:
 
     def _workspace(self, n_modes: int) -> Any:
         n_rows = 0 if self._waves is None else self._waves.shape[1]
-        self.varying = fields_of(n_modes, n_rows, self.precision)
+        n_waves = 2 * (self.first + n_modes - 1) if n_rows else 0
+        self.varying = fields_of(n_rows, n_waves, self.n_groups, self.precision)
         return workspace(n_modes, self.n_groups, self.precision)
 
     def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
         w = self.fields
         burst(
-            load, weights, *coefficients, *self.tables, self.multipliers, self.following, self.first,
-            self.power_limit,
-            self.n_tiles, self.n_groups, self._waves is not None, self.varying, w.state,
+            load, weights, *coefficients, *self.tables, *self.outer, self.multipliers,
+            self.following, self.first, self.power_limit, self.n_tiles, self.n_groups,
+            self._waves is not None, is_alike(self.multipliers), self.varying, w.state,
         )  # fmt: skip
 
     def burst_size(self) -> int:

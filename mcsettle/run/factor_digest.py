@@ -14,6 +14,8 @@ from typing import Any
 from mcsettle.railway.scene import Scene
 from mcsettle.railway.track import SectionTrack
 from mcsettle.step_a.transfers import section_settings
+from mcsettle.study.build_forms import variability_table
+from mcsettle.study.schema.variants import VariantTable
 from mcsettle.study.study import Study
 
 LENGTH = 16  # hex digits
@@ -54,25 +56,49 @@ def transfer_identity(scene: Scene, scenes: Sequence[Scene]) -> str:
 
 
 def factor_warnings(study: Study) -> list[str]:
-    """A remark on every variant whose factor was found for other transfer functions than its own."""
-    remarks, scenes = [], study.scenes
+    """A remark on every variant whose factor was found for something else than the variant.
+
+    For other transfer functions than its own, or, where it has the study's, for another model form.
+    """
+    remarks, scenes, scenario = [], study.scenes, _scenario(study)
     for variant in study.variants:
         if variant.factor_digest is None:
             continue
+        again = (
+            f"find it again with 'mcsettle calibrate STUDY --scenario {scenario} --variant "
+            f"{variant.name} {_target(study)}'"
+        )
+        other = _read_otherwise(study, variant)
+        if other:
+            remarks.append(
+                f"variant '{variant.name}': settlement_factor is the study's, calibrated for another "
+                f"model form ({', '.join(other)} is read otherwise); {again}"
+            )
         own = {
             scene.scenario: transfer_identity(scene, scenes)
             for scene in scenes
             if scene.variant == variant.name
         }
         if variant.factor_digest not in own.values():
-            scenario = _scenario(study)
             remarks.append(
                 f"variant '{variant.name}': settlement_factor was found for the transfer functions "
                 f"{variant.factor_digest}, those of scenario '{scenario}' are {own[scenario]}: "
-                "another track, ground, train or speed; find it again with 'mcsettle calibrate "
-                f"STUDY --scenario {scenario} --variant {variant.name} {_target(study)}'"
+                f"another track, ground, train or speed; {again}"
             )
     return remarks
+
+
+def _read_otherwise(study: Study, variant: VariantTable) -> list[str]:
+    """Keys of Step B that ``variant`` reads otherwise than the study, whose fitted factor it has."""
+    own = asdict(study.settlement_settings(variant.name))
+    common = {key: getattr(study.settlement, key) for key in own}
+    if own["settlement_factor"] != common["settlement_factor"]:
+        return []
+    keys = [key for key in own if key != "integration_depth_m" and own[key] != common[key]]
+    fields = study.spatial_variability
+    if variability_table(fields, variant) != fields:
+        keys.append("spatial_variability")
+    return keys
 
 
 def _scenario(study: Study) -> str:

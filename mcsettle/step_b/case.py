@@ -72,8 +72,9 @@ class Case:
 
     @property
     def mode_pairs(self) -> ModePairs:
-        """Pairs of modes that together make a third."""
-        return mode_pairs(mode_numbers(self.wavenumbers, self.window))
+        """Pairs of modes that together make a third; beside the band, too, where the support varies."""
+        modes = mode_numbers(self.wavenumbers, self.window)
+        return mode_pairs(modes, outer=len(self.group_multipliers) > 0)
 
     @property
     def group_multipliers(self) -> np.ndarray:

@@ -108,10 +108,11 @@ def sign_split(
     amplitudes : complex [R, K], initial profile amplitudes, m
     support, forms : as for the engine
     """
+    forms = {} if forms is None else forms
     engine = CycleJump(case, forms=forms)
     before, after, none = traffic.before, traffic.after, np.zeros(0)
     engines = {
-        (settling, counted): _flagged(engine, settling, counted)
+        (settling, counted): _flagged(engine, settling, counted, forms)
         for settling in (before, after)
         for counted in (before, after)
     }
@@ -147,11 +148,13 @@ def sign_split(
     )
 
 
-def _flagged(engine: CycleJump, settling: tuple[bool, ...], counted: tuple[bool, ...]) -> CycleJump:
+def _flagged(
+    engine: CycleJump, settling: tuple[bool, ...], counted: tuple[bool, ...], forms: Forms
+) -> CycleJump:
     """The engine with some services settling and some counted; its coefficients are the same."""
     case = replace(engine.case, settling=settling, counted=counted)
     if case.severity is not None:  # few combinations stand for the weights of this case alone
-        return CycleJump(case)
+        return CycleJump(case, forms=forms)
     flagged = copy(engine)
     flagged.case = case
     return flagged

@@ -31,26 +31,44 @@ class ModePairs:
     """Which pairs of modes feed which: rows sorted by target so that sums run over slices.
 
     ``sums`` [P, 2] indices (i ≤ j) with n_i + n_j = n, ``sum_start`` [K + 1] first row of each target;
-    ``differences`` [M, 2] indices with n_i − n_j = n, ``difference_start`` [K + 1].
+    ``differences`` [M, 2] indices with n_i − n_j = n, ``difference_start`` [K + 1]. Behind the rows of
+    the band stand those of the mode numbers beside it: ``outer_sums`` and ``outer_differences``
+    [2 n_max + 1] first row of each mode number from 1, no rows in the band, nor where nobody asks.
     """
 
     sums: np.ndarray
     sum_start: np.ndarray
     differences: np.ndarray
     difference_start: np.ndarray
+    outer_sums: np.ndarray
+    outer_differences: np.ndarray
 
 
-def mode_pairs(modes: np.ndarray) -> ModePairs:
-    """Pairs of the consecutive mode numbers ``modes`` [K] that couple into the band."""
+def mode_pairs(modes: np.ndarray, outer: bool = False) -> ModePairs:
+    """Pairs of the consecutive mode numbers ``modes`` [K] that couple into the band.
+
+    With ``outer`` those that couple into the mode numbers 1 … 2 n_max beside the band, too.
+    """
     first, count = int(modes[0]), len(modes)
     if not np.array_equal(modes, np.arange(first, first + count)):
         raise ValueError("the modes of the band must be consecutive integers")
-    sums, differences = [], []
-    for n in modes:
+
+    def sums(n: int) -> list[tuple[int, int]]:
         partners = [(i, n - 2 * first - i) for i in range(count)]
-        sums.append([(i, j) for i, j in partners if i <= j < count])
-        differences.append([(i, i - n) for i in range(count) if i - n >= 0])
-    return ModePairs(*_flatten(sums), *_flatten(differences))
+        return [(i, j) for i, j in partners if i <= j < count]
+
+    def differences(n: int) -> list[tuple[int, int]]:
+        return [(i, i - n) for i in range(count) if i - n >= 0]
+
+    every = range(1, 2 * (first + count - 1) + 1)
+    beside = [n for n in every if n not in modes] if outer else []
+    tables = []
+    for pairs in (sums, differences):
+        rows, start = _flatten([pairs(int(n)) for n in modes])
+        more, outer_start = _flatten([pairs(n) if n in beside else [] for n in every])
+        tables.append((np.concatenate([rows, more]), start, outer_start + start[-1]))
+    (s, s_start, s_outer), (d, d_start, d_outer) = tables
+    return ModePairs(s, s_start, d, d_start, s_outer, d_outer)
 
 
 @dataclass(frozen=True)
@@ -59,7 +77,7 @@ class SettlementForm:
 
     In units of m per unit of cycle growth φ: ``constant`` [G] real and ``mean`` [G, K] real give the
     uniform settlement constant + Σ mean |U|²; ``linear`` [G, K], ``sums`` [G, P], ``differences``
-    [G, M] complex give the growth of the amplitudes.
+    [G, M] complex give the growth of the amplitudes, and what settles in the modes beside the band.
     """
 
     constant: np.ndarray
@@ -153,6 +171,18 @@ def fast_growth(
     return change.view(complex)[..., 0], uniform
 
 
+def settled_beside(
+    form: SettlementForm, amplitudes: np.ndarray, weights: np.ndarray, pairs: ModePairs
+) -> np.ndarray:
+    """What settles in the mode numbers beside the band: complex [R, 2 n_max], 0 in the band."""
+    i, j = pairs.sums.T
+    p, q = pairs.differences.T
+    u = np.atleast_2d(amplitudes)
+    return _sum_slices((weights @ form.sums) * (u[:, i] * u[:, j]), pairs.outer_sums) + _sum_slices(
+        (weights @ form.differences) * (u[:, p] * np.conj(u[:, q])), pairs.outer_differences
+    )
+
+
 def stacked(forms: list[SettlementForm]) -> SettlementForm:
     """Forms side by side: groups of the first, then those of the second, and so on."""
     return SettlementForm(*(np.concatenate(c) for c in zip(*map(_arrays, forms), strict=True)))
@@ -161,6 +191,11 @@ def stacked(forms: list[SettlementForm]) -> SettlementForm:
 def tables(pairs: ModePairs) -> tuple[np.ndarray, ...]:
     """The index tables in the order of the kernels' arguments."""
     return (pairs.sums, pairs.sum_start, pairs.differences, pairs.difference_start)
+
+
+def outer_tables(pairs: ModePairs) -> tuple[np.ndarray, np.ndarray]:
+    """Where the pairs that couple into each mode number beside the band begin."""
+    return pairs.outer_sums, pairs.outer_differences
 
 
 def _layer_form(

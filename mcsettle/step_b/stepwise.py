@@ -11,7 +11,14 @@ from mcsettle.step_b.cycles import DayPlan, day_plan, update_weights
 from mcsettle.step_b.pointwise import PointwiseLoad, joined, load_parts, pointwise_load
 from mcsettle.step_b.pointwise import tables as pointwise_tables
 from mcsettle.step_b.sd_map import Roughness, roughness
-from mcsettle.step_b.spectral import ModePairs, SettlementForm, axle_form, tables, train_form
+from mcsettle.step_b.spectral import (
+    ModePairs,
+    SettlementForm,
+    axle_form,
+    outer_tables,
+    tables,
+    train_form,
+)
 from mcsettle.step_b.susceptibility import real_pairs
 
 if TYPE_CHECKING:
@@ -47,6 +54,7 @@ class Loads:
         return March(
             amplitudes, power_limit, tables(self.pairs), self.constant.shape[1], self.precision,
             support.factor, self.following, waves, self.multipliers, self.first,
+            outer_tables(self.pairs),
         )  # fmt: skip
 
     @property

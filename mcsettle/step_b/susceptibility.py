@@ -1,23 +1,30 @@
 """Settlement susceptibility that varies along the track, in the second-order form.
 
-A strain increment of group g at x is multiplied by 1 + h_g(x). Beside the form of ``spectral`` the growth
-has, with w_g the weights, u_g(U) what settles on average and V_g = w_g L_g U the linear part,
+A strain increment of group g at x is multiplied by 1 + h_g(x). Let Q_gm be what group g settles at mode
+number m, with its weight, to second order in the profile U: u_g(U) on average, for m = 1 … 2 n_max the
+form's linear part and its pairs of waves, in the band and beside it. To the form of ``spectral`` add
 
-    dU_n    += Σ_g { w_g u_g(U) h_gn + ½ Σ_{k+k'=n} h_gk V_gk'
-                     + ½ Σ_{k−k'=n} (h_gk V*_gk' + V_gk h*_gk') },
-    uniform += Σ_g ½ Re Σ_k h_gk V*_gk:
+    dU_n    += Σ_g { u_g h_gn + ½ Σ_{k+m=n} h_gk Q_gm + ½ Σ_{k−m=n} h_gk Q*_gm + ½ Σ_{m−k=n} h*_gk Q_gm },
+    uniform += Σ_g ½ Re Σ_k h_gk Q*_gk:
 
-the forcing of the mean settlement and the products with the linear part; h times pairs of waves, of
-third order, is left out. Fields are few (one, or one a layer): h_g is a multiple of one of them, so that
-the groups of a field add up first. With the rail's bending every increment is multiplied by what the
-rail follows of it, H_n.
+the product of h with what settles, without a grid. Only what the form itself leaves out is left out.
+Fields are few (one, or one a layer): h_g is a multiple of one of them, so that the groups of a field add
+up first. With the rail's bending every increment is multiplied by what the rail follows of it, H_n.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from mcsettle.step_b.spectral import ModePairs, SettlementForm, fast_growth, growth
+from mcsettle.step_b.spectral import (
+    ModePairs,
+    SettlementForm,
+    fast_growth,
+    growth,
+    outer_tables,
+    settled_beside,
+    tables,
+)
 
 
 @dataclass(frozen=True)
@@ -64,28 +71,28 @@ def varying_growth(
     change, uniform = growth(form, u, weights, pairs)
     for f, multiplier in enumerate(varying.multipliers):
         assert fields is not None
-        own = weights * multiplier
-        load = own @ form.constant + np.einsum("rk,rk->r", own @ form.mean, np.abs(u) ** 2)
-        more, settled = _spread(fields[:, f], load, 0.5 * (own @ form.linear) * u, varying.first)
-        change, uniform = change + more, uniform + settled
+        own, n = weights * multiplier, u.shape[1]
+        settled, load = growth(form, u, own, pairs)
+        half = 0.5 * settled_beside(form, u, own, pairs)
+        half[:, varying.first - 1 : varying.first - 1 + n] = 0.5 * settled
+        more, raised = _spread(fields[:, f], load, half, varying.first, n)
+        change, uniform = change + more, uniform + raised
     if varying.following is not None:
         change = change * varying.following
     return change, uniform
 
 
 def _spread(
-    h: np.ndarray, load: np.ndarray, half: np.ndarray, first: int
+    h: np.ndarray, load: np.ndarray, half: np.ndarray, first: int, n_modes: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Growth [R, K] and uniform settlement [R] of one field h [R, M], ``half`` [R, K] being V/2."""
-    n = half.shape[1]
-    change = h[:, first - 1 : first - 1 + n] * load[:, None]
-    for i in range(n):
-        ahead = h[:, 2 * first + i - 1 : 2 * first + i - 1 + n]  # modes n_i + n_j
-        change[:, i] += np.sum(ahead * half.conj(), axis=1)
-        change[:, i] += np.sum(h[:, :i][:, ::-1] * half[:, :i], axis=1)  # n_i − n_j
-        change[:, i] += np.sum(half[:, i + 1 :] * h[:, : n - 1 - i].conj(), axis=1)  # n_j − n_i
-    uniform = np.sum(h[:, first - 1 : first - 1 + n] * half.conj(), axis=1).real
-    return change, uniform
+    """Growth [R, K] and uniform settlement [R] of one field h [R, M] and half of what settles [R, M]."""
+    change = h[:, first - 1 : first - 1 + n_modes] * load[:, None]
+    for i in range(n_modes):
+        n = first + i
+        change[:, i] += np.sum(h[:, n:] * half[:, :-n].conj(), axis=1)  # h at n + m
+        change[:, i] += np.sum(h[:, : n - 1][:, ::-1] * half[:, : n - 1], axis=1)  # at n − m
+        change[:, i] += np.sum(h[:, :-n].conj() * half[:, n:], axis=1)  # at m − n
+    return change, np.sum(h * half.conj(), axis=1).real
 
 
 def fast_varying_growth(
@@ -107,6 +114,7 @@ def fast_varying_growth(
             np.ascontiguousarray(amplitudes).view(float).reshape(n, n_modes, 2),
             np.ascontiguousarray(weights, dtype=float),
             (packed, form.constant, form.mean, varying.multipliers),
+            (*tables(pairs), *outer_tables(pairs)),
             real_pairs(fields),
             varying.first,
             change.view(float).reshape(n, n_modes, 2),

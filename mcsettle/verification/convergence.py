@@ -93,6 +93,9 @@ CHOICES: dict[str, tuple[tuple[str, float | None, Numerics], ...]] = {
     "depth of the real mesh [m]": tuple(
         (f"{d:g}", None, replace(Numerics(), depth=d)) for d in (5.5, 8.0, 11.0)
     ),
+    "E_x of the sleepers over E of their concrete": tuple(
+        (f"{r:g}", None, _mesh(axial_ratio=r)) for r in (1e-3, 1e-4, 1e-5, 1e-6)
+    ),
     "largest wavenumber [rad/m]": tuple(
         (f"{k:g}", None, replace(Numerics(), largest=k)) for k in (4.0, 8.0, 12.0)
     ),

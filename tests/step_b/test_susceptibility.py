@@ -19,11 +19,11 @@ from mcsettle.step_b.engine import engine_for
 from mcsettle.step_b.passage import grid_size, in_band, mode_numbers, passage, settlement_of_passage
 from mcsettle.step_b.pointwise import load_parts, pointwise_growth, pointwise_load
 from mcsettle.step_b.settlement import cycle_increment
-from mcsettle.step_b.spectral import axle_form, growth, mode_pairs, stacked
+from mcsettle.step_b.spectral import axle_form, growth, mode_pairs, settled_beside, stacked
 from mcsettle.step_b.susceptibility import VaryingForm, fast_varying_growth, varying_growth
 
 MODES, FIRST = np.arange(6, 67), 6
-PAIRS = mode_pairs(MODES)
+PAIRS = mode_pairs(MODES, outer=True)
 LAYERS = {
     "one field": np.ones((1, 3)),
     "multipliers": np.array([[1.0, 0.5, 0.0]]),
@@ -50,7 +50,7 @@ def forms(services=("passenger", "freight"), axles=(0, 6)):
 
 @pytest.mark.parametrize("layers", LAYERS)
 def test_the_form_is_a_product_over_x(layers):
-    """Forcing and products against a sum over x of (1 + h) times what is constant and linear."""
+    """Against a sum over x of 1 + h times what the form itself settles, in the band and beside it."""
     form, n = forms()
     multipliers = np.tile(LAYERS[layers], n)
     h, u = fields(3, count=len(multipliers)), toy.profiles(range(3))
@@ -58,19 +58,39 @@ def test_the_form_is_a_product_over_x(layers):
     change, uniform = varying_growth(
         VaryingForm(form, multipliers, None, FIRST), u, weights, PAIRS, h
     )
-    plain, settled = growth(form, u, weights, PAIRS)
     n_points = grid_size(66, varies=True)
-    x = np.arange(n_points) / n_points
-    waves = np.exp(2j * np.pi * np.outer(MODES, x))
+    waves = np.exp(2j * np.pi * np.outer(np.arange(1, 133), np.arange(n_points) / n_points))
     for r in range(3):
-        group = form.constant + form.mean @ np.abs(u[r]) ** 2
-        linear = np.real((form.linear * u[r]) @ waves)
-        local = to_points(np.einsum("fe,fm->em", multipliers, h[r]), n_points)
-        brute = (weights[r][:, None] * local * (group[:, None] + linear)).sum(axis=0)
-        np.testing.assert_allclose(
-            change[r] - plain[r], in_band(brute, MODES), rtol=0, atol=1e-13 * np.abs(change).max()
-        )
-        assert uniform[r] - settled[r] == pytest.approx(brute.mean(), rel=1e-9)
+        settled = np.zeros(n_points)
+        for e in range(3 * n):
+            one = np.zeros((1, 3 * n))
+            one[0, e] = weights[r, e]
+            amplitudes = settled_beside(form, u[r], one, PAIRS)
+            amplitudes[:, FIRST - 1 : 66], mean = growth(form, u[r], one, PAIRS)
+            local = 1.0 + to_points(multipliers[:, e] @ h[r], n_points)
+            settled += local * (mean + np.real(amplitudes[0] @ waves))
+        expected = in_band(settled, MODES)
+        np.testing.assert_allclose(change[r], expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+        assert uniform[r] == pytest.approx(settled.mean(), rel=1e-9)
+
+
+def test_what_settles_beside_the_band():
+    """Where every exponent is 2 the form is all that settles, at every mode number to 2 n_max."""
+    transfer, model = toy.transfer(), toy.model(laws=toy.QUADRATIC_LAWS)
+    form, u = axle_form(transfer, 4, model, PAIRS), toy.profiles([0])
+    weights = model.settlement_factor * np.array(
+        [[float(cycle_increment(law, 1e5, 1.0)) for law in model.group_laws]]
+    )
+    args = u[0], 4, transfer, model, np.full(3, 1e5), toy.WINDOW
+    settled = settlement_of_passage(*args, np.zeros((3, grid_size(66, varies=True))))
+    every = np.arange(1, 133)
+    exact = in_band(settled, every)
+    beside = settled_beside(form, u, weights, PAIRS)[0]
+    outside = (every < FIRST) | (every > 66)
+    np.testing.assert_allclose(
+        beside[outside], exact[outside], rtol=0, atol=1e-10 * np.abs(exact).max()
+    )
+    assert not beside[~outside].any()
 
 
 @pytest.mark.parametrize("n", [1, 33, 65])
@@ -122,7 +142,7 @@ def varying_case(layers="one field", still=False, **changes):
 @pytest.mark.parametrize("right_hand_side", ["spectral", "pointwise"])
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_every_axle_against_the_definition(right_hand_side, precision):
-    """Six axle passages; what the form leaves out, h times pairs, is 0.1 % of the growth here."""
+    """Six axle passages."""
     case = varying_case("independent", services=(("car", 2),), horizon=0.75, sd_limit=0.1)
     case = replace(case, following=np.linspace(1.0, 0.6, 61))
     u0, h = toy.profiles(range(2)), fields(2, count=3)
@@ -138,7 +158,7 @@ def test_every_axle_against_the_definition(right_hand_side, precision):
                 case.following,
             )  # fmt: skip
             settled += more
-        tolerance = 3e-3 if right_hand_side == "spectral" else 1e-9
+        tolerance = 5e-4 if right_hand_side == "spectral" else 1e-9
         tolerance = max(tolerance, 1e-5 if precision == "f32" else 0.0)
         error = np.abs(outcome.amplitudes[r] - u).max() / np.abs(u - u0[r]).max()
         assert error < tolerance
@@ -264,7 +284,7 @@ def test_identical_trains_still_count_alone():
 
 
 @pytest.mark.parametrize(("train", "sd", "cov", "error"), [
-    ("passenger", 1.03e-3, 0.4, 3e-3), ("passenger", 1.5e-3, 0.4, 3e-3),
+    ("passenger", 1.03e-3, 0.4, 3e-4), ("passenger", 1.5e-3, 0.4, 3e-4), ("freight", 2.4e-3, 0.4, 2e-3),
 ])  # fmt: skip
 def test_what_the_form_leaves_out(train, sd, cov, error):
     """dU of one car against every x and depth."""

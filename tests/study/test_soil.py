@@ -168,6 +168,25 @@ def test_what_transfer_functions_depend_on_changes_their_digest(
     assert any("'as_given'" in remark for remark in remarks) == other
 
 
+@pytest.mark.parametrize(
+    ("keys", "named"),
+    [
+        ({"spatial_variability": {"cov": 0.1, "correlation_length_m": 5.0}}, "spatial_variability"),
+        ({"long_run_cycles": 1e6}, "long_run_cycles"),
+        ({"stress": "total"}, "stress"),
+    ],
+)
+def test_the_study_s_factor_in_another_model_form(keys: dict[str, Any], named: str) -> None:
+    data = factor()
+    data["variants"].append({"name": "form", **keys})
+    remarks = [r for r in factor_warnings(Study.from_mapping(data)) if "'form'" in r]
+    (remark,) = remarks
+    for part in ("another model form", named, "--variant form"):
+        assert part in remark
+    data["variants"][-1]["settlement_factor"] = 3.0
+    assert not any("'form'" in r for r in factor_warnings(Study.from_mapping(data)))
+
+
 def test_a_factor_digest_changes_no_result() -> None:
     without = factor()
     del without["settlement"]["factor_digest"]

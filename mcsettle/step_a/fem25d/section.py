@@ -29,13 +29,18 @@ from mcsettle.step_a.fem25d.stress_outputs import stress_operators
 
 @dataclass(frozen=True)
 class MeshSettings:
-    """Element sizes [m] near the track, their growth and largest size, side width, border."""
+    """Element sizes [m] near the track, their growth and largest size, side width, border.
+
+    ``axial_ratio``: E_x of the smeared sleepers over E of their concrete, so small that it does not
+    matter: sleepers apart do not bend along the track, and what lies between them is left out.
+    """
 
     size: float = 0.15
     growth: float = 1.3
     largest: float = 0.9
     side: float = 0.4
     border: Border = Border()
+    axial_ratio: float = 1e-5
 
     def __post_init__(self) -> None:
         if not (self.size > 0.0 and self.largest > 0.0 and self.side > 0.0 and self.growth >= 1.0):
@@ -43,6 +48,8 @@ class MeshSettings:
                 f"mesh sizes are {self.size}, {self.largest}, {self.side} m and growth "
                 f"{self.growth}; sizes must be positive and growth at least 1"
             )
+        if not self.axial_ratio > 0.0:
+            raise ValueError(f"axial_ratio is {self.axial_ratio}; it must be positive")
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,6 @@ from mcsettle.step_a.fem25d.section import (
     laid_out,
 )
 
-AXIAL_RATIO = 1e-3  # E_x of the smeared sleepers over E of their concrete
 TOLERANCE_BREAK = 1e-6  # m, heights closer than this are one
 
 
@@ -83,7 +82,7 @@ def track_section(
         If the number of properties is not that of the elements.
     """
     y, depth = track_lines(track, integration_depth, mesh)
-    materials, index = _track_materials(track, y, depth)
+    materials, index = _track_materials(track, y, depth, mesh.axial_ratio)
     grid = depth_grid(track, integration_depth)
     factor = None
     if properties is not None:
@@ -104,7 +103,7 @@ def track_section(
 def track_grid(track: SectionTrack, integration_depth: float, mesh: MeshSettings) -> Grid:
     """Elements of a track section; material 0 is the sleeper, the layers follow from the top."""
     y, depth = track_lines(track, integration_depth, mesh)
-    materials, index = _track_materials(track, y, depth)
+    materials, index = _track_materials(track, y, depth, mesh.axial_ratio)
     return laid_out(y, depth, track_top(track), materials, index)
 
 
@@ -168,14 +167,14 @@ def _ground_lines(track: SectionTrack, integration_depth: float, mesh: MeshSetti
 
 
 def _track_materials(
-    track: SectionTrack, y: Lines, depth: Lines
+    track: SectionTrack, y: Lines, depth: Lines, axial_ratio: float
 ) -> tuple[list[Ground], np.ndarray]:
     """Material list (sleeper first, then the layers) and its index for every cell."""
     convention = track.damping_convention
     m, s = track.sleeper.material, track.sleeper
     modulus = damped(m.youngs_modulus, m.damping, convention)
     materials = [
-        Ground(smeared_stiffness(modulus, m.poisson, s.fill, AXIAL_RATIO), m.density * s.fill)
+        Ground(smeared_stiffness(modulus, m.poisson, s.fill, axial_ratio), m.density * s.fill)
     ]
     for layer in track.layers:
         m = layer.material
