@@ -6,16 +6,22 @@ gives the number that a measurement is compared with.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+
+Quantity = Literal["sd", "settlement", "increment", "repetition"]
 
 
 @dataclass(frozen=True)
 class Observation:
-    """The SD of one section on a day, or a tamping interval: ``value`` with its standard ``error``.
+    """What was measured of one section on a day, or a tamping interval: ``value``, standard ``error``.
 
-    ``day`` after the start on which the SD [mm] was measured; None: ``value`` is an interval [days], the
-    median of ``sections``. Observations of one ``section`` share its unknown track.
+    ``day`` after the start on which ``quantity`` was measured; None: ``value`` is an interval [days], the
+    median of ``sections``. Quantities: "sd" [mm]; "settlement", uniform since the start [mm];
+    "increment", SD [mm] of what the profile has changed by since then; "repetition", correlation of the
+    increments of ``day`` days before and after a tamping that leaves a new profile. Observations of
+    one ``section`` share its unknown track.
     """
 
     day: float | None
@@ -24,10 +30,16 @@ class Observation:
     scenario: str = ""
     section: str = ""
     sections: int = 1
+    quantity: Quantity = "sd"
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether the tables of a run have what it is compared with."""
+        return self.is_interval or self.quantity == "sd"
 
     @property
     def is_interval(self) -> bool:
-        """Whether a tamping interval was observed, and no SD."""
+        """Whether a tamping interval was observed, and nothing on a day."""
         return self.day is None
 
     def beyond(self, horizon_days: float) -> str | None:

@@ -14,8 +14,9 @@ from typing import Any
 from mcsettle.railway.scene import Scene
 from mcsettle.railway.track import SectionTrack
 from mcsettle.step_a.transfers import section_settings
+from mcsettle.study.build import SettlementSettings
 from mcsettle.study.build_forms import variability_table
-from mcsettle.study.schema.variants import VariantTable
+from mcsettle.study.schema.run import SettlementTable
 from mcsettle.study.study import Study
 
 LENGTH = 16  # hex digits
@@ -68,7 +69,10 @@ def factor_warnings(study: Study) -> list[str]:
             f"find it again with 'mcsettle calibrate STUDY --scenario {scenario} --variant "
             f"{variant.name} {_target(study)}'"
         )
-        other = _read_otherwise(study, variant)
+        own_settings = study.settlement_settings(variant.name)
+        fields = study.spatial_variability
+        varies = variability_table(fields, variant) != fields
+        other = _read_otherwise(own_settings, study.settlement, varies)
         if other:
             remarks.append(
                 f"variant '{variant.name}': settlement_factor is the study's, calibrated for another "
@@ -88,17 +92,19 @@ def factor_warnings(study: Study) -> list[str]:
     return remarks
 
 
-def _read_otherwise(study: Study, variant: VariantTable) -> list[str]:
-    """Keys of Step B that ``variant`` reads otherwise than the study, whose fitted factor it has."""
-    own = asdict(study.settlement_settings(variant.name))
-    common = {key: getattr(study.settlement, key) for key in own}
+def _read_otherwise(
+    settings: SettlementSettings, study: SettlementTable, varies: bool
+) -> list[str]:
+    """Keys that ``settings`` of a variant read otherwise than the ``study``, whose factor they have.
+
+    ``varies``: whether the support does so otherwise.
+    """
+    own = asdict(settings)
+    common = {key: getattr(study, key) for key in own}
     if own["settlement_factor"] != common["settlement_factor"]:
         return []
     keys = [key for key in own if key != "integration_depth_m" and own[key] != common[key]]
-    fields = study.spatial_variability
-    if variability_table(fields, variant) != fields:
-        keys.append("spatial_variability")
-    return keys
+    return [*keys, "spatial_variability"] if varies else keys
 
 
 def _scenario(study: Study) -> str:

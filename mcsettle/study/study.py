@@ -24,7 +24,7 @@ from mcsettle.study.build import (
 from mcsettle.study.build_trains import resolved_train
 from mcsettle.study.checks.economics import unpriced_maintenance
 from mcsettle.study.checks.names import source_faults
-from mcsettle.study.checks.observed import observed_faults
+from mcsettle.study.checks.observed import observed_faults, unfitted_faults
 from mcsettle.study.checks.parts import parts_of, valid_parts
 from mcsettle.study.checks.together import faults_between, warnings_of
 from mcsettle.study.checks.uncertain import uncertain_faults
@@ -214,6 +214,7 @@ class Study(StudyObjects):
             *source_faults(data, self.sources),
             *unpriced_maintenance(self),
             *observed_faults(self),
+            *unfitted_faults(self, self.variant_names, self.fitted),
             *uncertain_faults(self, data, accept),
         ]
 

@@ -107,7 +107,10 @@ def set_weights(results: Results, variant: str) -> SetWeights | None:
     if found is None or not found.usable:
         return None
     by_scenario = courses(variant, results.realisations, results.history)
-    observations = results.study.observations
+    # What the tables do not have moved the weights through the fits alone.
+    observations = tuple(o for o in results.study.observations if o.is_recorded)
+    if not observations:
+        return SetWeights(found.weights)
     if variant in results.study.fitted:
         return refitted_weights(observations, by_scenario, found.weights)
     return replace(likelihood(observations, by_scenario).weights(), values=found.weights)
