@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.check import warn_of
-from mcsettle.cli.options import Json, StudyFile
+from mcsettle.cli.options import Force, Json, StudyFile
 from mcsettle.cli.terminal import Progress, cores, inform, plainly, say
 from mcsettle.errors import InputError
 from mcsettle.units import DAYS_PER_YEAR, MM
@@ -17,6 +17,7 @@ from mcsettle.units import DAYS_PER_YEAR, MM
 if TYPE_CHECKING:
     import pandas as pd
 
+    from mcsettle.analysis.line_forecast import FormOfGrowth
     from mcsettle.analysis.line_hold_out import HoldOut
     from mcsettle.analysis.sections import SectionsReport
     from mcsettle.study.build_line import Line
@@ -36,14 +37,18 @@ def sections(
         bool, typer.Option("--hold-out", help="Predict the last run from those before it.")
     ] = False,
     json_output: Json = False,
+    force: Force = False,
 ) -> None:
     """Say when each section of a line must be tamped: its own rate, its dates, a plan."""
+    from mcsettle.storage.marks import refuse_others, write_marked
     from mcsettle.study.study import load_study
 
     for path, kinds in ((table, TABLES), (picture, (".png", ".svg"))):
         if path is not None and path.suffix.lower() not in kinds:
             raise InputError(f"{path}: choose a name that ends in {', '.join(kinds)}")
     loaded = load_study(study)
+    files = [path for path in (table, picture) if path is not None]
+    refuse_others(files, loaded.identity, force)  # before anything takes its time
     warn_of(loaded)
     if hold_out:
         from mcsettle.analysis.sections import line_hold_out
@@ -60,10 +65,13 @@ def sections(
     report = sections_report(loaded, Progress(), cores())
     _tell(report.line)
     say(sections_json(report) if json_output else "\n".join(sections_lines(report)), json_output)
+    contents = {}
     if table is not None:
-        write_table(report, table)
+        contents[table] = table_bytes(report, table.suffix.lower(), loaded.identity)
     if picture is not None:
-        draw(report, picture)
+        contents[picture] = picture_bytes(report, picture.suffix.lower())
+    for path in write_marked(contents, loaded.identity, force):
+        inform(f"Wrote {path}")
 
 
 def _tell(line: "Line") -> None:
@@ -84,6 +92,7 @@ def sections_lines(report: "SectionsReport") -> Iterator[str]:
         f"the study's factor × {middle[1]:.2g} ({middle[0]:.2g} to {middle[2]:.2g}) for the line; "
         f"log-SD between sections {spread[1]:.2g} ({spread[0]:.2g} to {spread[2]:.2g})"
     )
+    yield _forms_line(report.forecast.forms)
     yield ""
     yield (
         f"{'':>3} {'chainage m':>15} {'SD mm':>6} {'mm/year':>8} "
@@ -130,14 +139,21 @@ def hold_out_lines(line: "Line", held: "HoldOut") -> Iterator[str]:
         f"last run ({line.history.dates[-1]}) predicted for {len(held.rows)} sections: "
         f"{held.coverage:.0%} inside P5 to P95 (90 % are meant to be)"
     )
+    yield _forms_line(held.forms)
     for name, error in errors.items():
         yield f"  {name:<14} mean error {error / MM:.3f} mm"
     best = min(errors, key=lambda name: errors[name])
     yield (
-        "the model is at least as good as both baselines"
-        if best == "model"
-        else f"'{best}' predicts this run better: growth does not follow this model form"
+        "the forecast is at least as good as both baselines"
+        if best == "forecast"
+        else f"'{best}' predicts this run better: growth follows none of these forms"
     )
+
+
+def _forms_line(forms: "tuple[FormOfGrowth, ...]") -> str:
+    """How the line grows, by its own runs."""
+    parts = ", ".join(f"{form.name} {form.probability:.0%}" for form in forms)
+    return f"form of growth, by the runs of the line: {parts}"
 
 
 def sections_json(report: "SectionsReport") -> str:
@@ -148,6 +164,7 @@ def sections_json(report: "SectionsReport") -> str:
         "section_log_sd": dict(
             zip(("p05", "p50", "p95"), report.forecast.factors.spread, strict=True)
         ),
+        "forms": {form.name: form.probability for form in report.forecast.forms},
         "sections": _plain(report.table),
         "due": _plain(report.due),
         "worksites": [vars(site) for site in report.sites],
@@ -161,30 +178,49 @@ def hold_out_json(held: "HoldOut") -> str:
     """Coverage and mean absolute errors as JSON."""
     errors = {name: error / MM for name, error in held.mean_absolute_error().items()}
     data = {"sections": len(held.rows), "coverage": held.coverage, "mean_absolute_error_mm": errors}
+    data["forms"] = {form.name: form.probability for form in held.forms}
     return json.dumps(data, indent=1)
 
 
-def write_table(report: "SectionsReport", path: Path) -> None:
-    """All sections as CSV, workbook or Parquet."""
-    table = report.table
-    if path.suffix.lower() == ".parquet":
-        table.to_parquet(path, index=False)
-    elif path.suffix.lower() == ".xlsx":
-        table.to_excel(path, sheet_name="sections", index=False, engine="xlsxwriter")
+def table_bytes(report: "SectionsReport", kind: str, study: str) -> bytes:
+    """All sections as a ".csv", ".xlsx" or ".parquet", the latter two with the mark of ``study``."""
+    import io
+
+    from mcsettle.storage.marks import NAME
+
+    buffer, table = io.BytesIO(), report.table
+    if kind == ".parquet":
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        columns = pa.Table.from_pandas(table, preserve_index=False)
+        metadata = {**(columns.schema.metadata or {}), NAME.encode(): study.encode()}
+        pq.write_table(columns.replace_schema_metadata(metadata), buffer)
+    elif kind == ".xlsx":
+        import pandas as pd
+
+        try:
+            writer = pd.ExcelWriter(buffer, engine="xlsxwriter")
+        except ImportError:
+            raise InputError(
+                "a workbook needs the extra 'xlsx': pip install 'mcsettle[xlsx]'; or write a .csv"
+            ) from None
+        with writer:
+            table.to_excel(writer, sheet_name="sections", index=False)
+            writer.book.set_custom_property(NAME, study)
     else:
-        table.to_csv(path, index=False)
-    inform(f"Wrote {path}")
+        table.to_csv(buffer, index=False)
+    return buffer.getvalue()
 
 
-def draw(report: "SectionsReport", path: Path) -> None:
-    """Draw the strip chart."""
+def picture_bytes(report: "SectionsReport", kind: str) -> bytes:
+    """The strip chart as a ".png" or ".svg"."""
     from mcsettle.report.figures.strip_chart import strip_chart
-    from mcsettle.report.figures.style import save
+    from mcsettle.report.figures.style import drawn
 
     forecast = report.forecast
     figure = strip_chart(report.line.history, forecast.quantiles(), forecast.rows, forecast.horizon)
-    save(figure, path.parent, path.stem, (path.suffix.lower().removeprefix("."),))
-    inform(f"Wrote {path}")
+    return drawn(figure, kind.removeprefix("."))
 
 
 def _plain(table: "pd.DataFrame") -> list[dict[str, Any]]:

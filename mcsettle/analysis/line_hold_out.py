@@ -5,17 +5,16 @@ tamping, and the section's last SD carried on at the line's mean rate (which als
 straight line of a section with a single run).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
-from mcsettle.analysis.line_forecast import line_forecast
+from mcsettle.analysis.growth_courses import Growth
+from mcsettle.analysis.line_forecast import FormOfGrowth, line_forecast
 from mcsettle.errors import InputError
 from mcsettle.railway.line_history import LineHistory
-from mcsettle.railway.scene import Scene
-from mcsettle.step_a.transfers import StepA
 from mcsettle.types import Progress
 
 
@@ -23,17 +22,19 @@ from mcsettle.types import Progress
 class HoldOut:
     """Predictions of the last run for the sections not tamped just before it.
 
-    ``rows`` [P] sections of the history; ``measured`` and the predictions ``model`` (the mean),
+    ``rows`` [P] sections of the history; ``measured`` and the predictions ``forecast`` (its mean),
     ``straight`` and ``mean_rate`` [P] m; ``share`` [P] of the predictive distribution, measurement error
-    included, below what was measured: uniform where the bands are right.
+    included, below what was measured: uniform where the bands are right. ``forms`` of growth as the runs
+    before the last weigh them.
     """
 
     rows: np.ndarray
     measured: np.ndarray
-    model: np.ndarray
+    forecast: np.ndarray
     straight: np.ndarray
     mean_rate: np.ndarray
     share: np.ndarray
+    forms: tuple[FormOfGrowth, ...]
 
     @property
     def coverage(self) -> float:
@@ -41,18 +42,21 @@ class HoldOut:
         return float(np.mean((self.share > 0.05) & (self.share < 0.95)))
 
     def mean_absolute_error(self) -> dict[str, float]:
-        """Mean |predicted − measured| [m] of the model and of the baselines."""
-        parts = {"model": self.model, "straight line": self.straight, "mean rate": self.mean_rate}
+        """Mean |predicted − measured| [m] of the forecast and of the baselines."""
+        parts = {
+            "forecast": self.forecast,
+            "straight line": self.straight,
+            "mean rate": self.mean_rate,
+        }
         return {name: float(np.mean(np.abs(v - self.measured))) for name, v in parts.items()}
 
 
 def hold_out(
-    scenes: Mapping[tuple[str, str], Scene],
-    prepared: StepA,
+    growths: Callable[[LineHistory], Sequence[Growth]],
     history: LineHistory,
     progress: Progress | None = None,
 ) -> HoldOut:
-    """Predict the last run of ``history`` from those before it.
+    """Predict the last run of ``history`` from those before it, by the forms ``growths`` of such a line.
 
     Raises
     ------
@@ -63,7 +67,7 @@ def hold_out(
         raise InputError("holding out the last run takes at least two dated runs")
     before, days = history.before_last(), history.days
     horizon = float(days[-1] - days[-2]) + 1.0
-    forecast = line_forecast(scenes, prepared, before, horizon, progress, float(days[-1]))
+    forecast = line_forecast(growths(before), before, horizon, progress, float(days[-1]))
     rows = forecast.rows
     scored = np.isnan(history.tamped_on[rows, -1]) & ~np.isnan(history.sd[rows, -1])
     if not scored.any():
@@ -81,6 +85,7 @@ def hold_out(
         straight[scored],
         mean_rate[scored],
         np.sum(weights * below, axis=(1, 2))[scored],
+        forecast.forms,
     )
 
 

@@ -1,16 +1,21 @@
 """The sections of a line as a table: where, how rough now, how fast, when due, and what first."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
+from mcsettle.analysis.described_growth import by_hand
+from mcsettle.analysis.growth_courses import Growth, SteppedGrowth
 from mcsettle.analysis.line_forecast import LineForecast, line_forecast
 from mcsettle.analysis.line_hold_out import HoldOut, hold_out
 from mcsettle.analysis.worksites import TampingPrices, Worksite, one_by_one, worksites
 from mcsettle.errors import InputError
 from mcsettle.railway.line_history import LineHistory
+from mcsettle.railway.scene import Scene
 from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.study.build_line import Line, build_line
 from mcsettle.study.study import Study
@@ -57,11 +62,11 @@ def sections_report(
         There is no ``[line]``, or it cannot be used.
     """
     line, prepared = _ready(study, progress, processes)
-    history, horizon = line.history, study.limit.horizon_days
-    scenes = {(scene.variant, scene.scenario): scene for scene in study.scenes}
-    forecast = line_forecast(scenes, prepared, history, horizon, progress)
-    table = _table(history, forecast)
     assert study.line is not None
+    history, horizon = line.history, study.limit.horizon_days
+    forms = partial(growths, study.line.growth, prepared, study.scenes)
+    forecast = line_forecast(forms(history), history, horizon, progress)
+    table = _table(history, forecast)
     plan = study.line.plan
     prices = TampingPrices(plan.cost_per_shift, plan.output_m_per_shift, plan.least_length_m)
     lengths = history.chainage_to - history.chainage_from
@@ -85,8 +90,18 @@ def line_hold_out(
         There is no ``[line]``, or its runs do not allow it.
     """
     line, prepared = _ready(study, progress, processes)
-    scenes = {(scene.variant, scene.scenario): scene for scene in study.scenes}
-    return line, hold_out(scenes, prepared, line.history, progress)
+    assert study.line is not None
+    forms = partial(growths, study.line.growth, prepared, study.scenes)
+    return line, hold_out(forms, line.history, progress)
+
+
+def growths(
+    choice: str, prepared: StepA, scenes: Sequence[Scene], history: LineHistory
+) -> tuple[Growth, ...]:
+    """Forms of growth of a line: Step B and, unless the ``choice`` is "model", those by hand."""
+    by_name = {(scene.variant, scene.scenario): scene for scene in scenes}
+    model = SteppedGrowth(by_name, prepared, history)
+    return (model,) if choice == "model" else (model, *by_hand(history))
 
 
 def _ready(study: Study, progress: Progress | None, processes: int) -> tuple[Line, StepA]:
@@ -153,19 +168,24 @@ def _due(
 def _due_by_year(history: LineHistory, forecast: LineForecast, seed: int) -> pd.DataFrame:
     """Kilometres that fall due in each coming year, P5 to P95 of ``DRAWS`` draws of the whole line.
 
-    Sections are drawn together: each draw has one pair (μ, τ) of the line, and every section its
-    factor and start SD given that pair.
+    Sections are drawn together: each draw has one form of growth and one pair (μ, τ) of the line, and
+    every section its rate and start SD given these.
     """
-    pooled, rng = forecast.factors, np.random.default_rng([seed, _STREAM])
-    of_factor = forecast.weights.sum(axis=1, keepdims=True)
-    start_given_factor = forecast.weights / np.maximum(of_factor, 1e-300)
+    rng = np.random.default_rng([seed, _STREAM])
+    carried = [f for f in range(len(forecast.forms)) if (forecast.form_of_rate == f).any()]
+    probability = np.array([forecast.forms[f].probability for f in carried])
+    of_rate = forecast.weights.sum(axis=1, keepdims=True)
+    start_given_rate = forecast.weights / np.maximum(of_rate, 1e-300)
     rows, n_years = np.arange(len(forecast.rows)), int(np.ceil(forecast.horizon / DAYS_PER_YEAR))
     kilometres = (history.chainage_to - history.chainage_from)[forecast.rows] / 1000.0
     lengths = np.zeros((DRAWS, n_years))
-    for draw, pair in enumerate(rng.choice(len(pooled.hyper), DRAWS, p=pooled.hyper)):
-        factor = _drawn(pooled.likelihood * pooled.given[pair], rng)
-        start = _drawn(start_given_factor[rows, :, factor], rng)
-        days = forecast.days[rows, start, factor]
+    for draw, form in enumerate(rng.choice(carried, DRAWS, p=probability / probability.sum())):
+        pooled = forecast.forms[form].pooled
+        pair = rng.choice(len(pooled.hyper), p=pooled.hyper)
+        rate = _drawn(pooled.likelihood * pooled.given[pair], rng)
+        rate += int(np.argmax(forecast.form_of_rate == form))
+        start = _drawn(start_given_rate[rows, :, rate], rng)
+        days = forecast.days[rows, start, rate]
         year = np.minimum(days, n_years * DAYS_PER_YEAR) // DAYS_PER_YEAR
         lengths[draw] = np.bincount(year.astype(int), kilometres, n_years + 1)[:n_years]
     low, middle, high = np.quantile(lengths, LEVELS, axis=0)

@@ -3,15 +3,16 @@
 A campaign tamps every section that is due, in worksites of neighbours that are at least ``least_length``
 long; a worksite of length L takes ⌈L / output⌉ shifts, paid whole. A section that is joined although it
 is not due loses what its life was still worth: the share of its interval that is left, of the cost of its
-own length. Each section lies in one worksite at most; which ones is an exact choice (integer linear
-programming, SciPy's ``milp``).
+own length. Each section lies in one worksite at most.
+
+The choice is exact. The cheapest plan up to the end of a section either leaves that section alone or
+ends a worksite there, and goes on from the cheapest plan up to where the worksite begins: one pass along
+the line, in time proportional to its length (R. Bellman, *Dynamic Programming*, 1957).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import csc_matrix
 
 
 @dataclass(frozen=True)
@@ -22,9 +23,9 @@ class TampingPrices:
     output: float
     least_length: float
 
-    def shifts(self, length: float) -> int:
-        """Shifts that a worksite of ``length`` [m] takes."""
-        return max(1, int(np.ceil(length / self.output - 1e-9)))
+    def shifts(self, length: np.ndarray) -> np.ndarray:
+        """Shifts [W] that worksites of ``length`` [W] m take."""
+        return np.maximum(1, np.ceil(length / self.output - 1e-9)).astype(int)
 
 
 @dataclass(frozen=True)
@@ -65,60 +66,52 @@ def worksites(
     list of Worksite, in the order of the line; a due section that no worksite of the least length
     can reach (between closed ones) has one of its own.
     """
-    candidates = _candidates(lengths, due & ~closed, life_left, closed, prices, longest)
-    if not candidates:
-        return []
-    rows, columns = [], []
-    for column, site in enumerate(candidates):
-        rows += list(range(site.first, site.last + 1))
-        columns += [column] * (site.last - site.first + 1)
-    shape = (len(lengths), len(candidates))
-    covers = csc_matrix((np.ones(len(rows)), (rows, columns)), shape=shape)
-    least = (due & ~closed).astype(float)
-    result = milp(
-        np.array([site.cost + site.lost for site in candidates]),
-        constraints=LinearConstraint(covers, least, np.ones(len(lengths))),
-        integrality=np.ones(len(candidates), dtype=np.int64),
-        bounds=Bounds(0, 1),
-    )
-    if result.x is None:
-        raise ValueError(f"no set of worksites covers the due sections: {result.message}")
-    return [site for site, taken in zip(candidates, result.x, strict=True) if taken > 0.5]
+    n, due = len(lengths), due & ~closed
+    price_per_metre = prices.cost_per_shift / prices.output
+    ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    lost = np.concatenate([[0.0], np.cumsum(np.where(due, 0.0, life_left * lengths))])
+    lost, n_due = lost * price_per_metre, np.concatenate([[0], np.cumsum(due)])
+    cheapest = np.zeros(n + 1)  # cost of the plan up to the beginning of each section
+    begins = np.full(n + 1, -1)  # first section of the worksite that ends there; -1: none does
+    open_from = 0  # first section behind the last closed one
+    for last in range(n):
+        cheapest[last + 1] = np.inf if due[last] else cheapest[last]
+        if closed[last]:
+            open_from = last + 1
+            continue
+        nearest = int(np.searchsorted(ends, ends[last] - longest))
+        first = np.arange(max(open_from, nearest), last + 1)
+        length = ends[last + 1] - ends[first]
+        # Between closed sections a worksite may be as short as the stretch.
+        complete = (first == open_from) & (last + 1 == n or closed[min(last + 1, n - 1)])
+        allowed = (length >= prices.least_length - 1e-9) | complete
+        allowed &= n_due[last + 1] > n_due[first]
+        cost = prices.shifts(length) * prices.cost_per_shift + lost[last + 1] - lost[first]
+        total = np.where(allowed, cheapest[first] + cost, np.inf)
+        best = int(np.argmin(total))
+        if total[best] < cheapest[last + 1]:
+            cheapest[last + 1], begins[last + 1] = total[best], first[best]
+    return _followed_back(begins, ends, lost, prices)
+
+
+def _followed_back(
+    begins: np.ndarray, ends: np.ndarray, lost: np.ndarray, prices: TampingPrices
+) -> list[Worksite]:
+    """The worksites of the cheapest plan, found from the end of the line, in the order of the line."""
+    sites, end = [], len(begins) - 1
+    while end > 0:
+        first = int(begins[end])
+        if first < 0:
+            end -= 1
+            continue
+        length = float(ends[end] - ends[first])
+        shifts = int(prices.shifts(np.array(length)))
+        cost = shifts * prices.cost_per_shift
+        sites.append(Worksite(first, end - 1, length, shifts, cost, float(lost[end] - lost[first])))
+        end = first
+    return sites[::-1]
 
 
 def one_by_one(lengths: np.ndarray, due: np.ndarray, prices: TampingPrices) -> float:
     """Cost where each due section is tamped by itself when it reaches its limit: a shift at least."""
-    return float(sum(prices.shifts(length) for length in lengths[due]) * prices.cost_per_shift)
-
-
-def _candidates(
-    lengths: np.ndarray,
-    due: np.ndarray,
-    life_left: np.ndarray,
-    closed: np.ndarray,
-    prices: TampingPrices,
-    longest: float,
-) -> list[Worksite]:
-    """Worksites that begin and end with what is due, or are as short as the least length allows."""
-    sites = []
-    price_per_metre = prices.cost_per_shift / prices.output
-    stretch = np.cumsum(closed)
-    for first in range(len(lengths)):
-        if closed[first]:
-            continue
-        length, lost, some = 0.0, 0.0, False
-        for last in range(first, len(lengths)):
-            if closed[last] or stretch[last] != stretch[first] or length > longest:
-                break
-            length += float(lengths[last])
-            some |= bool(due[last])
-            if not due[last]:
-                lost += float(life_left[last] * lengths[last]) * price_per_metre
-            whole = last + 1 == len(lengths) or closed[last + 1]
-            long_enough = length >= prices.least_length - 1e-9
-            isolated = whole and (first == 0 or closed[first - 1])
-            if some and (long_enough or isolated):
-                shifts = prices.shifts(length)
-                cost = shifts * prices.cost_per_shift
-                sites.append(Worksite(first, last, length, shifts, cost, lost))
-    return sites
+    return float(prices.shifts(lengths[due]).sum() * prices.cost_per_shift)

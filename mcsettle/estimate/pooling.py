@@ -11,7 +11,7 @@ Gelman et al., Bayesian Data Analysis, ch. 5 (hierarchical models); the grids re
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.weighted_quantiles import weighted_quantiles
@@ -28,7 +28,8 @@ class Pooled:
     ``sections`` [S, F] weights of each section's, and ``line`` [F] of a section without history, each
     adding up to 1; ``likelihood`` [S, F], the largest of a row 1. ``hyper`` [H] weights of the pairs
     (μ, τ) and ``given`` [H, F] what each says of a section. ``middle`` and ``spread``: P5, P50, P95 of
-    exp(μ) and of τ.
+    exp(μ) and of τ. ``log_evidence``: log of the likelihood of everything measured, μ and τ integrated
+    out.
     """
 
     logs: np.ndarray
@@ -39,6 +40,7 @@ class Pooled:
     given: np.ndarray
     middle: tuple[float, ...]
     spread: tuple[float, ...]
+    log_evidence: float
 
 
 def pooled(logs: np.ndarray, log_likelihood: np.ndarray) -> Pooled:
@@ -58,14 +60,16 @@ def pooled(logs: np.ndarray, log_likelihood: np.ndarray) -> Pooled:
             ]
         )
     # Equal steps of log τ stand for a density in τ: the prior of each is τ times the half-normal.
-    logs_of_hyper = evidence + stats.halfnorm.logpdf(tau, scale=WIDEST) + np.log(tau)
-    hyper = np.exp(logs_of_hyper - logs_of_hyper.max())
-    hyper /= hyper.sum()
-    sections = np.zeros_like(scaled)
-    for weight, row in zip(hyper, given, strict=True):
-        if weight > 1e-12:
-            joint = scaled * row
-            sections += weight * joint / joint.sum(axis=1, keepdims=True)
+    prior = stats.halfnorm.logpdf(tau, scale=WIDEST) + np.log(tau)
+    logs_of_hyper = evidence + prior - special.logsumexp(prior)
+    total = special.logsumexp(logs_of_hyper)
+    hyper = np.exp(logs_of_hyper - total)
+    # Σ_h w_h L_s p_h / (L_s · p_h), section by section: products of matrices.
+    shares, kept = np.zeros_like(scaled), np.flatnonzero(hyper > 1e-12)
+    for first in range(0, len(kept), AT_A_TIME):
+        pairs = kept[first : first + AT_A_TIME]
+        shares += (hyper[pairs, None] / (given[pairs] @ scaled.T)).T @ given[pairs]
+    sections = scaled * shares
     return Pooled(
         logs,
         sections / sections.sum(axis=1, keepdims=True),
@@ -75,6 +79,7 @@ def pooled(logs: np.ndarray, log_likelihood: np.ndarray) -> Pooled:
         given,
         tuple(float(np.exp(v)) for v in weighted_quantiles(mu, hyper, LEVELS)),
         tuple(float(v) for v in weighted_quantiles(tau, hyper, LEVELS)),
+        float(total + log_likelihood.max(axis=1).sum()),
     )
 
 

@@ -1,6 +1,7 @@
 """A line from a table of dated SDs to dates: recovered rates, limits, refusals, the command."""
 
 import json
+import re
 from dataclasses import replace
 from datetime import date
 
@@ -9,13 +10,14 @@ import pytest
 import toy
 from typer.testing import CliRunner
 
-from mcsettle.analysis.line_forecast import COARSE, FACTORS, between
+from mcsettle.analysis.growth_courses import COARSE, FACTORS, between
 from mcsettle.analysis.sections import line_hold_out, sections_report
 from mcsettle.cli.app import app
 from mcsettle.errors import InputError
 from mcsettle.step_a.transfers import step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.storage.marks import mark_of
 from mcsettle.study.study import Study, load_study, resolved_toml
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -91,7 +93,7 @@ def test_held_out_run_is_inside_the_bands(truth, tmp_path):
     sd, _, noise = truth
     _, held = line_hold_out(line_study(tmp_path, csv_of(sd + noise)))
     assert held.coverage > 0.7  # of 24; nominal 0.9, three standard errors 0.18
-    assert held.mean_absolute_error()["model"] < 3.0 * ERROR * 1e-3
+    assert held.mean_absolute_error()["forecast"] < 3.0 * ERROR * 1e-3
 
 
 def test_a_section_beyond_its_limit_is_due_today(truth, tmp_path):
@@ -155,6 +157,33 @@ def test_the_command_prints_writes_and_draws(truth, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
     told = CliRunner().invoke(app, ["sections", str(study), "--json"])
     assert len(json.loads(told.stdout)["sections"]) == N
+
+
+@pytest.mark.parametrize(("table", "picture"), [("s.xlsx", "s.svg"), ("s.parquet", "s.png")])
+def test_only_files_of_the_same_study_are_replaced(truth, tmp_path, table, picture):
+    line_study(tmp_path, csv_of(truth[0] + truth[2]))
+    study, files = tmp_path / "study.toml", (tmp_path / table, tmp_path / picture)
+    call = ["sections", str(study), "--table", str(files[0]), "--picture", str(files[1])]
+    files[0].write_text("mine", encoding="utf-8")
+    refused = CliRunner().invoke(app, call)
+    assert refused.exit_code == 2
+    assert "--force" in refused.stderr
+    assert files[0].read_text(encoding="utf-8") == "mine"
+    assert CliRunner().invoke(app, [*call, "--force"]).exit_code == 0
+    assert {mark_of(path) for path in files} == {load_study(study).identity}
+    assert CliRunner().invoke(app, call).exit_code == 0
+    text = study.read_text(encoding="utf-8")
+    study.write_text(re.sub(r"horizon_years = .*", "horizon_years = 7", text), encoding="utf-8")
+    assert CliRunner().invoke(app, call).exit_code == 2
+
+
+def test_a_table_without_a_place_for_a_mark_is_not_replaced(truth, tmp_path):
+    line_study(tmp_path, csv_of(truth[0]))
+    path = tmp_path / "s.csv"
+    path.write_text("mine", encoding="utf-8")
+    call = ["sections", str(tmp_path / "study.toml"), "--table", str(path)]
+    assert CliRunner().invoke(app, call).exit_code == 2
+    assert path.read_text(encoding="utf-8") == "mine"
 
 
 def test_between_is_linear_and_keeps_what_is_never_reached():

@@ -63,3 +63,18 @@ def test_equal_and_unlike_sections_are_told_apart(scale):
     found = pooled(LOGS, normal_history(LOGS, measured, np.full(200, 0.1)))
     assert found.spread[1] == pytest.approx(scale, rel=0.35)
     assert stats.norm.ppf(0.05) < 0.0
+
+
+def test_evidence_is_the_likelihood_with_everything_else_integrated_out():
+    assert pooled(LOGS, np.zeros((5, len(LOGS)))).log_evidence == pytest.approx(0.0, abs=1e-9)
+    measured, error = np.array([-0.4, 0.1, 0.3]), np.array([0.2, 0.3, 0.2])
+    history = normal_history(LOGS, measured, error)
+    found = pooled(LOGS, history)
+    assert pooled(LOGS, history - 2.0).log_evidence == pytest.approx(found.log_evidence - 6.0)
+    # Draws from the prior: μ flat over the grid, τ half-normal.
+    rng = np.random.default_rng(4)
+    mu = rng.uniform(LOGS[0], LOGS[-1], 200_000)
+    tau = np.abs(rng.normal(0.0, 1.0, mu.size))
+    variance = tau[:, None] ** 2 + error**2
+    joint = np.exp(-0.5 * (measured - mu[:, None]) ** 2 / variance) * error / np.sqrt(variance)
+    assert found.log_evidence == pytest.approx(np.log(joint.prod(axis=1).mean()), abs=0.05)

@@ -1,7 +1,7 @@
 """``[line]``: the sections of a line, their dated runs, and what differs along it."""
 
 from datetime import date
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -60,6 +60,7 @@ class LineTable(Table):
     sd_error_mm: Annotated[Millimetres, Field(le=5)] | None = None
     repeat_days: Annotated[Days, Field(le=365)] = 30.0
     align_within_m: Annotated[float, in_plain("m"), Field(ge=0, le=200)] = 25.0
+    growth: Literal["average", "model"] = "average"
     least_drop: Annotated[float, Field(gt=0, lt=1)] = 0.1
     tampings: Annotated[tuple[TampingTable, ...], Field(max_length=10_000)] = ()
     stretches: Annotated[tuple[StretchTable, ...], Field(max_length=10_000)] = ()
