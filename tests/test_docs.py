@@ -17,6 +17,7 @@ from mcsettle.study.schema.profile import ProfileTable, RecordTable
 from mcsettle.study.schema.published import METRICS, CalibrationTable, ReferenceTable
 from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
 from mcsettle.study.schema.spatial_variability import SpatialVariabilityTable
+from mcsettle.study.schema.step_a import StepATable
 from mcsettle.study.schema.study import json_schema
 from mcsettle.study.schema.track import (
     GroundTable,
@@ -64,6 +65,7 @@ HEADINGS: dict[str, type[Table]] = {
     "`[spatial_variability]`": SpatialVariabilityTable,
     "`[limit]`": LimitTable,
     "`[run]`": RunTable,
+    "`[step_a]`": StepATable,
     "`[economics]`": EconomicsTable,
     "`[maintenance]`": MaintenanceTable,
     "`[trains.NAME]`": TrainTable,

@@ -17,6 +17,8 @@ from mcsettle.run.factor_fit import fit_sets
 from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard, Slice, all_shards, slice_of
 from mcsettle.run.status import held_shards, refuse_smaller
+from mcsettle.run.surrogate import Training, surrogate_remarks, with_errors
+from mcsettle.run.train_surrogate import set_predictor
 from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a.transfers import StepA, TransferStore, step_a
 from mcsettle.storage import lock, store
@@ -32,6 +34,7 @@ from mcsettle.storage.provenance import (
     same_study,
 )
 from mcsettle.storage.shard_record import read_record
+from mcsettle.study.candidates import candidates_of
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, resolved_toml
 from mcsettle.summary.results import study_of
@@ -134,11 +137,16 @@ def prepare(
     valid = next((member.study for member in members if not member.failure), study)
     scenes = (valid if study.grounds_table else study).scenes
     central = step_a(scenes, progress, options.processes, transfers, check_speeds=True)
+    training = None
+    if transfers is not None and study.predicts_grounds:
+        training = set_predictor(candidates_of(study), transfers, options.processes, progress)
+        members = with_errors(members, transfers)
     if start:  # before anything starts it with other threads
         runtime.start(options.threads)
-    provenance = _provenance(study, central, size)
+    provenance = _provenance(study, central, size, training)
     same_study(at, provenance)
     job = Job(study, at, provenance, options, progress, list(central.remarks), held_shards(at))
+    job.remarks += surrogate_remarks(members, training)
     refuse_smaller(at, job.complete, study)
     todo = [shard for shard in shards if not (shard.name in job.complete and job.is_whole(shard))]
     store.prepare(at, provenance, finished=options.shards is not None and not todo)
@@ -209,17 +217,18 @@ def _stored_inputs(study: Study) -> dict[str, tuple[str, Path]]:
     }
 
 
-def _provenance(study: Study, prepared: StepA, size: int) -> Provenance:
+def _provenance(study: Study, prepared: StepA, size: int, training: Training | None) -> Provenance:
     from mcsettle.kernels import runtime, spectral
 
     return Provenance(
         package_version=mcsettle.__version__,
         study_digest=study.digest,
-        transfer_digest=prepared.digest,
+        transfer_digest=prepared.digest if training is None else training.digest,
         seed=study.seed,
         taichi_version=runtime.version(),
         precision=study.run.precision,
         lanes=spectral.LANES[study.run.precision],
         shard_realisations=size,
         code_digest=code_digest(),
+        surrogate="" if training is None else training.text,
     )

@@ -21,6 +21,8 @@ from mcsettle.run.factor_fit import fitted_sets
 from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard, all_shards
 from mcsettle.run.status import held_shards, refuse_other_code
+from mcsettle.run.surrogate import with_errors
+from mcsettle.run.train_surrogate import set_predictor
 from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a.transfer_file import load, save
 from mcsettle.step_a.transfers import StepA, TransferStore, step_a
@@ -29,6 +31,7 @@ from mcsettle.storage.files import cache_folder
 from mcsettle.storage.location import Place, place
 from mcsettle.storage.provenance import read_json, read_provenance
 from mcsettle.storage.shard_record import read_record
+from mcsettle.study.candidates import candidates_of
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.summary.results import study_of
 
@@ -189,6 +192,9 @@ def _set_up(spec: RunSpec) -> WorkerState:
     job = compute.Job(study, at, provenance, options, complete=held)
     transfers = transfer_store(study) if study.nested else None
     members = fitted_sets(at, study)
+    if transfers is not None and study.predicts_grounds:
+        set_predictor(candidates_of(study), transfers)
+        members = with_errors(members, transfers)
     shards = all_shards(study, provenance.shard_realisations)
     twins = compute.same_step_b(study, members)
     return WorkerState(spec, job, members, twins, shards, transfers)

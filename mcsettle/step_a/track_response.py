@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING
 
 from mcsettle.railway.softening_choices import Softened
 from mcsettle.railway.track import BeamTrack, SectionTrack, Track
+from mcsettle.step_a import beam
 from mcsettle.step_a.beam import beam_response
-from mcsettle.step_a.transfer import TrackResponse
+from mcsettle.step_a.transfer import DepthGrid, TrackResponse
 from mcsettle.storage.files import cache_folder
 
 if TYPE_CHECKING:
@@ -35,6 +36,15 @@ def softening_history(
         softened.settings,
         cache_folder(),
     ).history
+
+
+def depths_of(track: Track, integration_depth: float) -> DepthGrid:
+    """Depths at which the response of ``track`` gives stresses, without the response."""
+    if isinstance(track, BeamTrack):
+        return beam.depth_grid(track.layers, integration_depth)
+    from mcsettle.step_a.fem25d.depth_grid import depth_grid
+
+    return depth_grid(track, integration_depth)
 
 
 def track_response(

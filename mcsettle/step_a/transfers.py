@@ -6,11 +6,11 @@ change of Step B or of the economics costs nothing here.
 
 import hashlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -58,12 +58,25 @@ class Ground(NamedTuple):
     settings: "Settings | None"
 
 
+class Predictor(Protocol):
+    """Predicts Step A from that of other grounds."""
+
+    def answers(self, scenes: Sequence[Scene]) -> bool:
+        """Whether the Step A of ``scenes`` is predicted; if not, it is computed."""
+        ...
+
+    def predict(self, scenes: Sequence[Scene]) -> StepA:
+        """Step A of scenes that are predicted."""
+        ...
+
+
 @dataclass
 class TransferStore:
     """Step A kept between the parameter sets of a study: that of the first set and of the last.
 
     ``axle_loads`` [kg] are the study's own, by train (see ``transfer_cache.cached_transfer``). With
-    ``many_grounds`` every set has a track or a ground of its own.
+    ``many_grounds`` every set has a track or a ground of its own; a ``predictor`` answers for those
+    scenes that it can answer for.
     """
 
     responses: dict[Ground, TrackResponse] = field(default_factory=dict)
@@ -71,6 +84,7 @@ class TransferStore:
     axle_loads: dict[str, float] = field(default_factory=dict)
     first: set[Any] = field(default_factory=set)
     many_grounds: bool = False
+    predictor: "Predictor | None" = None
 
     def trim(self, used: set[Any]) -> None:
         """Forget what was not used just now, nor the first time."""
@@ -86,19 +100,25 @@ def step_a(
     workers: int = 1,
     store: TransferStore | None = None,
     check_speeds: bool = False,
+    only: Container[Any] | None = None,
 ) -> StepA:
     """Transfer functions of every scene, computed once where equal, kept on disk.
 
-    With a ``store`` what is in it is taken, and what was needed is put there. With ``check_speeds``
-    trains near the critical speed of track and ground are remarked on.
+    With a ``store`` what is in it is taken, and what was needed is put there; what its predictor answers
+    for is predicted. With ``check_speeds`` trains near the critical speed of track and ground are
+    remarked on. ``only``: keys of the passages to compute, if not all (``transfer_key``).
     """
     shared, store = store is not None, store or TransferStore()
+    if store.predictor is not None and store.predictor.answers(scenes):
+        return store.predictor.predict(scenes)
     if workers > 1:
         _soften_ahead(scenes, store, progress, workers)
     transfers: dict[tuple[str, str], tuple[TransferFunctions, ...]] = {}
     used, remarks = set[Any](), dict[str | None, None]()
-    for scene, service, ground in _passages(scenes, store, laws=not shared):
-        key = _transfer_key(scene, service, ground)
+    for scene, service, ground in passages_of(scenes, store, laws=not shared):
+        key = transfer_key(scene, service, ground)
+        if only is not None and key not in only:
+            continue
         if key not in store.transfers:
             if ground not in store.responses:
                 store.responses[ground] = _response(ground, progress, workers)
@@ -122,14 +142,17 @@ def step_a(
 def needs(scenes: Sequence[Scene], store: TransferStore) -> set[Any]:
     """Keys of all that ``step_a`` computes for ``scenes`` with a ``store``; equal keys, equal results.
 
-    Trains that differ in an axle load which only scales have one key each but one computation.
+    Trains that differ in an axle load which only scales have one key each but one computation. What is
+    predicted needs nothing.
     """
-    keys = set()
-    for scene, service, ground in _passages(scenes, store):
+    keys = set[Any]()
+    if store.predictor is not None and store.predictor.answers(scenes):
+        return keys
+    for scene, service, ground in passages_of(scenes, store):
         train = service.train
         if ground.softened is None:
             train = under_reference_load(train, store.axle_loads) or train
-        keys.add(_transfer_key(scene, replace(service, train=train), ground))
+        keys.add(transfer_key(scene, replace(service, train=train), ground))
     return keys
 
 
@@ -161,7 +184,7 @@ def section_settings(
     )
 
 
-def _passages(
+def passages_of(
     scenes: Sequence[Scene], store: TransferStore, laws: bool = False
 ) -> Iterator[tuple[Scene, Service, Ground]]:
     """Every service of every scene, in their order, with the ground under it.
@@ -177,7 +200,8 @@ def _passages(
             yield scene, service, Ground(track, scene.integration_depth, softened, settings)
 
 
-def _transfer_key(scene: Scene, service: Service, ground: Ground) -> tuple[Any, ...]:
+def transfer_key(scene: Scene, service: Service, ground: Ground) -> tuple[Any, ...]:
+    """What a set of transfer functions depends on; equal keys, equal results."""
     return (*ground, Service(service.train, service.speed, 1), scene.contact, scene.rail_loads)
 
 
@@ -210,7 +234,7 @@ def _soften_ahead(
     modes, contact = scenes[0].wavenumbers, scenes[0].contact
     grounds = dict.fromkeys(
         ground
-        for _, _, ground in _passages(scenes, store)
+        for _, _, ground in passages_of(scenes, store)
         if ground.softened is not None and ground not in store.responses
     )
     missing = [ground for ground in grounds if not _is_cached(ground, modes, contact)]

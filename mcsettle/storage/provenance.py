@@ -30,6 +30,7 @@ class Provenance:
     lanes: int
     shard_realisations: int = SHARD
     code_digest: str = ""  # of the package's sources; "" in folders of versions that did not say it
+    surrogate: str = ""  # from what Step A is predicted, and how well; "" where all is computed
 
     @property
     def digest(self) -> str:

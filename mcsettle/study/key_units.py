@@ -9,16 +9,20 @@ from mcsettle.study.key_paths import steps_to
 from mcsettle.study.schema.study import StudyTables, json_schema
 from mcsettle.study.written import study_data
 
+# What a parameter set says of itself beside the values of keys.
+DERIVED = {"step_a.error_percent": "%"}
+
 
 def units_of(study: StudyTables, paths: Iterable[str]) -> dict[str, str]:
     """Units of the inputs at the key ``paths`` of ``study``; "1" of a plain number."""
     data = study_data(study)
-    return {path: unit_at(data, path) for path in paths}
+    return {path: DERIVED.get(path) or unit_at(data, path) for path in paths}
 
 
 def input_units(study: StudyTables) -> dict[str, str]:
     """Units of the uncertain inputs of ``study``, by their columns in ``realisations``."""
     paths = [path for entry in study.uncertain for path in entry.paths]
+    paths += DERIVED if study.predicts_grounds else ()
     return {input_column(path): unit for path, unit in units_of(study, paths).items()}
 
 

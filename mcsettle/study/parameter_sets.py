@@ -4,6 +4,7 @@ A row is an address, not a draw: it depends on the study's seed, its uncertain i
 more sets leave the earlier ones as they are, and scenarios and variants share them.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -79,6 +80,21 @@ def all_sets(study: Study) -> list[ParameterSet]:
     shares = unit_draws(study)
     pairs = zip(shares, _values(study, shares), strict=True)
     return [_parameter_set(study, e, *pair) for e, pair in enumerate(pairs)]
+
+
+def first_sets(study: Study, n_sets: int) -> list[ParameterSet]:
+    """The first ``n_sets`` draws, or all grounds, of ``study``, however many it runs.
+
+    Those that cannot be run are left out.
+    """
+    if study.grounds_table is not None:
+        every = study.with_run(parameter_sets=len(study.grounds()))
+        return [member for member in ground_sets(every) if not member.failure]
+    shares, members = unit_draws(study, n_sets), []
+    for index, pair in enumerate(zip(shares, _values(study, shares), strict=True)):
+        with suppress(InputError):
+            members.append(_parameter_set(study, index, *pair))
+    return members
 
 
 def _parameter_set(study: Study, index: int, shares: np.ndarray, row: np.ndarray) -> ParameterSet:

@@ -14,6 +14,7 @@ from mcsettle.study.schema.profile import ProfileTable
 from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
 from mcsettle.study.schema.run import LimitTable, RunTable, SettlementTable
 from mcsettle.study.schema.spatial_variability import SpatialVariabilityTable
+from mcsettle.study.schema.step_a import StepATable
 from mcsettle.study.schema.track import TrackTable
 from mcsettle.study.schema.traffic import ScenarioTable, TrainTable, VehicleTable
 from mcsettle.study.schema.uncertain import CorrelationTable, UncertainTable
@@ -37,6 +38,7 @@ class StudyTables(Table):
     spatial_variability: SpatialVariabilityTable | None = None
     limit: LimitTable
     run: RunTable = RunTable()
+    step_a_table: StepATable | None = Field(default=None, alias="step_a")
     economics: EconomicsTable | None = None
     maintenance: MaintenanceTable | None = None
     train_tables: dict[Name, TrainTable] = Field(alias="trains", min_length=1, max_length=50)
@@ -75,6 +77,11 @@ class StudyTables(Table):
     def nested(self) -> bool:
         """Whether the study has parameter sets: uncertain inputs, or several grounds."""
         return bool(self.uncertain) or self.grounds_table is not None
+
+    @property
+    def predicts_grounds(self) -> bool:
+        """Whether the transfer functions of parameter sets may be predicted."""
+        return self.step_a_table is not None and self.step_a_table.surrogate
 
 
 def json_schema() -> dict[str, Any]:

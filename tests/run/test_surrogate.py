@@ -1,0 +1,192 @@
+"""Parameter sets whose Step A is predicted: which, how well, and the same whoever asks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from toy import LOAD, N0, SPRING, everything, table, uncertain
+
+from mcsettle.run import left_out, train_surrogate
+from mcsettle.run.options import RunOptions
+from mcsettle.run.pipeline import run_study
+from mcsettle.run.shards import parse_slice
+from mcsettle.run.surrogate import ERROR, list_passages, with_errors
+from mcsettle.run.train_surrogate import set_predictor
+from mcsettle.run.transfer_store import transfer_store
+from mcsettle.step_a import transfer_cache
+from mcsettle.step_a.transfers import needs, step_a
+from mcsettle.storage.location import place
+from mcsettle.storage.provenance import read_provenance
+from mcsettle.study import candidates
+from mcsettle.study.candidates import candidates_of
+from mcsettle.study.parameter_sets import all_sets, first_sets
+
+pytestmark = pytest.mark.usefixtures("fresh_cache", "small_pool")
+SETS, TRACKS = 5, 3
+DAMPING = SPRING | {
+    "input": "trains.passenger.secondary_damping_ns_per_m",
+    "distribution": "log_uniform",
+    "low": 2e4,
+    "high": 6e4,
+}
+COLUMN = "input_step_a_error_percent"
+
+
+@pytest.fixture(scope="module")
+def small_pool():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(candidates, "POOL", 16)
+        patch.setattr(train_surrogate, "FIRST", 3)
+        patch.setattr(left_out, "TRACKS", range(2))
+        yield
+
+
+def with_surrogate(*entries, **keys):
+    run = {"realisations": TRACKS, "parameter_sets": SETS}
+    return uncertain(*entries, run=run, step_a={"surrogate": True, **keys})
+
+
+@pytest.fixture(scope="module")
+def study():
+    return with_surrogate(N0, LOAD, SPRING, DAMPING)
+
+
+@pytest.fixture(scope="module")
+def store(fresh_cache, small_pool, study):
+    store = transfer_store(study)
+    set_predictor(candidates_of(study), store)
+    return store
+
+
+@pytest.fixture(scope="module")
+def folder(fresh_cache, small_pool, study, tmp_path_factory):
+    return run_study(study, tmp_path_factory.mktemp("run") / "out").folder
+
+
+def test_days_of_predicted_sets_are_those_of_computed_ones(study, folder, tmp_path):
+    full = uncertain(
+        N0, LOAD, SPRING, DAMPING, run={"realisations": TRACKS, "parameter_sets": SETS}
+    )
+    computed = run_study(full, tmp_path / "full").folder
+    rows, exact = table(folder, "realisations"), table(computed, "realisations")
+    keys = ["scenario", "parameter_set", "realisation"]
+    rows, exact = rows.sort_values(keys), exact.sort_values(keys)
+    apart = np.abs(
+        rows["tamping_interval_days"].to_numpy() / exact["tamping_interval_days"].to_numpy() - 1
+    )
+    assert 0.0 < apart.max() < 0.01
+    predicted = rows[COLUMN].to_numpy() > 0.0
+    assert predicted.any()
+    assert np.all(apart[~predicted] == 0.0)
+    assert COLUMN not in exact.columns
+
+
+def test_every_set_says_what_it_had(study, store, folder):
+    members = with_errors(all_sets(study), store)
+    for member in members:
+        error = member.values[ERROR]
+        assert (error > 0.0) == store.predictor.answers(member.study.scenes)
+    rows = table(folder, "realisations")
+    by_set = rows.groupby("parameter_set")[COLUMN].first()
+    assert by_set.to_dict() == {m.index: m.values[ERROR] for m in members}
+    told = read_provenance(place(folder)).surrogate
+    assert told == store.predictor.training.text
+
+
+def test_a_predicted_set_needs_no_step_a(study, store, monkeypatch):
+    predicted = [m for m in all_sets(study) if store.predictor.answers(m.study.scenes)]
+    monkeypatch.setattr(transfer_cache, "precompute", None)
+    assert predicted
+    for member in predicted:
+        scenes = member.study.scenes
+        assert needs(scenes, store) == set()
+        step_a(scenes, store=store)
+
+
+def test_sets_that_were_learnt_from_are_computed(study, store):
+    learnt = set(store.predictor.training.sets) - {candidates.CENTRAL}
+    for member in first_sets(study, candidates.POOL):
+        if member.index in learnt:
+            assert not store.predictor.answers(member.study.scenes)
+            assert store.predictor.error_percent(member.study.scenes) == 0.0
+
+
+def test_a_prediction_is_exact_where_it_was_learnt(study, store):
+    predictor = store.predictor
+    members = {m.index: m for m in first_sets(study, candidates.POOL)}
+    scenes = members[predictor.training.sets[1]].study.scenes
+    predicted, exact = predictor.predict(scenes), step_a(scenes, store=transfer_store(study))
+    for pair, transfers in exact.transfers.items():
+        for one, other in zip(predicted.transfers[pair], transfers, strict=True):
+            for name in ("dynamic", "quasi_static", "force"):
+                size = np.abs(getattr(other, name)).max()
+                assert np.abs(getattr(one, name) - getattr(other, name)).max() < 1e-6 * size
+            assert np.array_equal(one.geostatic, other.geostatic)
+
+
+def test_an_axle_load_that_only_scales_is_no_input(study, store):
+    kinds = {p.description.kind for p in list_passages(study.scenes, store)}
+    (kind,) = kinds  # two speeds of one train
+    assert len(store.predictor.surrogates[kind].inputs.columns) == 3  # spring, damper, speed
+
+
+def test_another_process_learns_the_same(study, store, monkeypatch):
+    monkeypatch.setattr(transfer_cache, "precompute", None)  # all of it lies in the cache folder
+    monkeypatch.setattr(train_surrogate, "left_out", None)
+    again = transfer_store(study)
+    assert set_predictor(candidates_of(study), again) == store.predictor.training
+    for member in all_sets(study):
+        scenes = member.study.scenes
+        assert again.predictor.expected(scenes) == store.predictor.expected(scenes)
+
+
+def test_more_sets_leave_the_earlier_ones_as_they_are(study, store):
+    fewer = study.with_run(parameter_sets=2)
+    again = transfer_store(fewer)
+    assert set_predictor(candidates_of(fewer), again) == store.predictor.training
+    for member in all_sets(fewer):
+        assert with_errors([member], again) == with_errors([member], store)
+
+
+def test_an_interrupted_run_ends_as_a_plain_one(study, folder, tmp_path):
+    out = tmp_path / "out"
+    for part in ("1/2", "2/2"):
+        run_study(study, out, RunOptions(shards=parse_slice(part)))
+    run_study(study, out)
+    assert everything(out) == everything(folder)
+
+
+def test_what_is_outside_is_computed(study, store):
+    member = all_sets(study)[0]
+    inside = member.study.scenes
+    assert store.predictor.expected(inside) is not None
+    stiffer = member.study.with_inputs({"track.support.stiffness_n_per_m2": 9e7})
+    assert store.predictor.expected(stiffer.scenes) is None
+    far = member.study.with_inputs({"trains.passenger.secondary_damping_ns_per_m": 4e5})
+    assert not store.predictor.answers(far.scenes)
+
+
+def test_the_tolerance_decides():
+    store = transfer_store(
+        strict := with_surrogate(SPRING, DAMPING, tolerance_percent=1e-6, most_grounds=10)
+    )
+    training = set_predictor(candidates_of(strict), store)
+    assert not training.met
+    assert training.grounds <= 10 + train_surrogate.STEP
+    assert not any(store.predictor.answers(m.study.scenes) for m in all_sets(strict))
+
+
+def test_nothing_to_predict_where_all_grounds_are_one():
+    alone = with_surrogate(N0, LOAD)
+    assert set_predictor(candidates_of(alone), transfer_store(alone)) is None
+
+
+def test_quantiles_count_shares():
+    errors = [
+        left_out.LeftOut(0.5, np.array([1.0, 3.0]), np.array([0.2])),
+        left_out.LeftOut(0.1, np.array([10.0]), np.zeros(0)),
+    ]
+    found = left_out.quantiles(errors, np.array([0.99, 0.01]))
+    assert (found.days_median, found.days_p95, found.points_p95) == (3.0, 3.0, 0.2)
+    assert left_out.errors_per_deviation(errors, np.array([0.5, 0.5])) == (100.0, 0.4)
+    assert replace(found, days_median=0.0) != found
