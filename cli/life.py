@@ -54,7 +54,8 @@ def life_lines(found: Sequence["Life"]) -> Iterator[str]:
     import numpy as np
 
     for life in found:
-        yield f"== {life.variant} {life.scenario}: {len(life.cost)} tracks{_open(life)}"
+        against = f" against {life.baseline}" if life.baseline else ""
+        yield f"== {life.variant} {life.scenario}{against}: {len(life.cost)} tracks{_open(life)}"
         yield f"{'':<34}{'mean ± s.e.':>20} {'P5':>10} {'P50':>10} {'P95':>10}"
         for text, values in _rows(life):
             known = values[np.isfinite(values)]
@@ -74,6 +75,7 @@ def life_json(found: Sequence["Life"]) -> str:
         {
             "variant": life.variant,
             "scenario": life.scenario,
+            "baseline": life.baseline,
             "tracks": len(life.cost),
             "open": int(life.sequence.open.sum()),
             "unit": life.unit,
@@ -98,7 +100,7 @@ def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
     from mcsettle.storage.marks import NAME
     from mcsettle.storage.parquet import encode
 
-    lives, tampings = [], []
+    lives, tampings, followed = [], [], set[int]()
     for life in found:
         own = {"variant": life.variant, "scenario": life.scenario}
         for r in range(len(life.cost)):
@@ -106,6 +108,7 @@ def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
                 own
                 | {
                     "realisation": r,
+                    "baseline": life.baseline,
                     "currency": life.currency,
                     "tampings": int(life.sequence.count[r]),
                     "open": bool(life.sequence.open[r]),
@@ -115,6 +118,9 @@ def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
                     "marginal_cost_eq8_9": life.marginal_constant[r],
                 }
             )
+        if id(life.sequence) in followed:
+            continue  # the same tracks against another baseline
+        followed.add(id(life.sequence))
         for r, c in zip(*np.nonzero(~np.isnan(life.sequence.years)), strict=True):
             tampings.append(
                 own

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import narrowed_by, stress_remarks
-from mcsettle.report.charging import headline_unit, marginal_train
+from mcsettle.report.charging import by_unit, headline_unit, marginal_train
 from mcsettle.report.money import Money, money_for
 from mcsettle.report.price_words import (
     USE,
-    interval_change,
+    changes_of,
     price_interval,
     price_places,
     question,
@@ -86,28 +86,39 @@ def _prices(answers: "Answers", width: int, most: int) -> Iterator[str]:
     if not shown:
         yield question(answers)
         return
+    asked = question(answers)
+    for group in by_unit(answers.study, shown):
+        yield from _group(answers, group, asked, width)
+        asked = ""
+    yield from _reasons(answers, shown, width)
+    more = len(answers.summaries) - len(shown)
+    if more:
+        yield f"  {more} more scenarios: --all"
+
+
+def _group(answers: "Answers", shown: list[str], asked: str, width: int) -> Iterator[str]:
+    """A line for each effect whose price is in the same unit, under what is ``asked``."""
     units = {name: headline_unit(answers.study, name) for name in shown}
     money = _money(answers, units)
     units = {name: scaled_unit(unit, money.scale) for name, unit in units.items()}
     label = f"{(money.word or money.sign).strip()} per {units[shown[0]].label}"
     pairs = [(answers.effect(name), units[name]) for name in shown]
-    places = price_places((effect, unit) for effect, unit in pairs if effect is not None)
-    asked = question(answers)
+    places = price_places(
+        (name, effect, unit)
+        for name, (effect, unit) in zip(shown, pairs, strict=True)
+        if effect is not None
+    )
     if len(asked) + len(label) + 2 <= width:
         yield asked + label.rjust(width - len(asked))
     else:
-        yield from (asked, label.rjust(width))
+        yield from (*textwrap.wrap(asked, width), label.rjust(width))
     rows = [("", "", "line mean (95 %)", "over forms", "supported")]
     for name, (effect, unit) in zip(shown, pairs, strict=True):
-        price = "no price" if effect is None else price_interval(effect, unit, places)
+        price = "no price" if effect is None else price_interval(effect, unit, places[name])
         summary = answers.summaries[name]
-        spread = _range(summary.prices, unit.factor, places)
-        rows.append((cut(name, 14), _change(answers, name), price, spread, USE[summary.verdict]))
+        spread = _range(summary.prices, unit.factor, places.get(name))
+        rows.append((cut(name, 22), _change(answers, name), price, spread, USE[summary.verdict]))
     yield from _columns(rows, width)
-    yield from _reasons(answers, shown, width)
-    more = len(answers.summaries) - len(shown)
-    if more:
-        yield f"  {more} more scenarios: --all"
 
 
 def _reasons(answers: "Answers", shown: list[str], width: int) -> Iterator[str]:
@@ -135,7 +146,6 @@ def _intervals(answers: "Answers", width: int, most: int) -> Iterator[str]:
         found = answers.intervals.get((answers.form, name))
         if found is None:
             continue
-        effect = answers.effect(name)
         low, high = (number(day, 0, late) for day in found.half)
         middle = late if found.median.value is None else found.median.with_error()
         month = tamped_on(study, found.median.value)
@@ -145,7 +155,7 @@ def _intervals(answers: "Answers", width: int, most: int) -> Iterator[str]:
                 study.scenario(name).title or "",
                 f"{middle} ({month})" if month else middle,
                 span(low, high),
-                "" if effect is None else interval_change(effect),
+                changes_of(answers, name),
             )
         )
     yield ""
@@ -190,7 +200,7 @@ def _change(answers: "Answers", scenario: str) -> str:
     """What a scenario changes in few words."""
     train = marginal_train(answers.study, scenario)
     if train is None:
-        return answers.study.scenario(scenario).title
+        return answers.study.scenario(answers.study.effects[scenario].scenario).title
     if train.base_speed is not None:
         return f"{train.name}, {train.speed:g} km/h"
     more = f"{train.more} × " if train.more > 1 else ""

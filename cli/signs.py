@@ -17,8 +17,8 @@ def print_signs(rows: "list[SummaryRow]") -> None:
     out = console()
     signs = table("Why the effect has its sign: reduction of the interval [%], medians", "scenario")
     add_numbers(signs, "both", "by roughening", "by hardening", "ξ", "ξ*", "leverage", "P(shorter)")
-    for scenario in dict.fromkeys(row.scenario for row in rows):
-        of_scenario = {row.metric: row for row in rows if row.scenario == scenario}
+    for scenario in dict.fromkeys(row.name for row in rows):
+        of_scenario = {row.metric: row for row in rows if row.name == scenario}
         cells = [of_scenario[metric].at(0.5).with_error(UNKNOWN) for metric, _, _ in SIGNS]
         share = of_scenario[SHORTENS].statistics[0].estimate
         signs.add_row(scenario, *cells, share_words(share))

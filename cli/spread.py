@@ -23,7 +23,7 @@ def print_spread(rows: "list[SummaryRow]") -> None:
                  ("parameters", "sections", "interaction")]  # fmt: skip
         cells += [_share(row, kind, "", 1.0) for kind in ("pairing_gain", "correlation")]
         if any(cells):
-            split.add_row(row.scenario, row.metric, *cells)
+            split.add_row(row.name, row.metric, *cells)
     if split.row_count:
         print_fitted(out, split, ("interaction", "correlation"))
     lines = list(_index_lines(rows))
@@ -60,7 +60,7 @@ def _print_lines(out: Console, rows: "list[SummaryRow]") -> None:
     )
     for row in rows:
         of_line = [s for s in row.spread if s.statistic == "line_mean"]
-        named = [row.scenario, row.metric]
+        named = [row.name, row.metric]
         ends = [shown(row.at(0.5).value), _share(row, "cost_at_mean_interval", "", 1.0)]
         for length in dict.fromkeys(s.subject for s in of_line):
             cells = [_ranged(s.estimate) for s in of_line if s.subject == length]
@@ -98,7 +98,7 @@ def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:
             parts = ", ".join(_index(s) for s in found[:4])
             if all(s.estimate.value is None for s in found):
                 parts = f"not known ({found[0].estimate.note})"
-            yield f"{row.scenario} {row.metric}, {name} indices [%]: {parts}"
+            yield f"{row.name} {row.metric}, {name} indices [%]: {parts}"
 
 
 def _index(statistic: "Statistic") -> str:

@@ -91,11 +91,11 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
         add_numbers(bands, "P5", "P50 ± s.e.", "P95", "n", "cens.", "published", "at")
         previous = ""
         for row in of_variant:
-            bands.add_row(*_cells(row, row.scenario != previous))
+            bands.add_row(*_cells(row, row.name != previous))
             given = conditioned_cells(row)
             if given is not None:
                 bands.add_row(*given)
-            previous = row.scenario
+            previous = row.name
         if of_variant:
             print_fitted(out, bands, ("at", "published", "cens.", "n", "unit"))
         else:
@@ -109,7 +109,7 @@ def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
 
 def _cells(row: "SummaryRow", first: bool) -> list[str]:
     middle = row.at(0.5)
-    name = row.scenario if first else ""
+    name = row.name if first else ""
     band = quantiles(row.at(0.05), middle, row.at(0.95))
     counts = [str(middle.n), str(middle.n_censored)]
     published = f"{row.reference.value:g}" if row.reference else ""
@@ -159,6 +159,7 @@ def _json_row(row: "SummaryRow") -> dict[str, Any]:
     return {
         "variant": row.variant,
         "scenario": row.scenario,
+        "baseline": row.baseline,
         "metric": row.metric,
         "unit": row.unit,
         "statistics": [
@@ -226,5 +227,7 @@ def weights_json(results: "Results") -> Iterator[dict[str, Any]]:
 def signs_json(rows: "list[SummaryRow]") -> Iterator[dict[str, Any]]:
     """What added services roughen and harden as plain data."""
     for row in rows:
-        keys = {key: getattr(row, key) for key in ("variant", "scenario", "metric", "unit")}
+        keys = {
+            key: getattr(row, key) for key in ("variant", "scenario", "baseline", "metric", "unit")
+        }
         yield keys | {"statistics": statistics_json(row.statistics)}

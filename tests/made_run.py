@@ -105,17 +105,20 @@ def _shard(folder, made, provenance, variant, scenario, days, ends, bad) -> None
 
 
 def _effects(folder, made, provenance, variant, values, ends) -> None:
-    prices = made.priced
-    for scenario, days in values.items():
-        change = made.change(scenario)
-        if prices is None or change is None:
-            continue
-        base = prices.baseline
-        effects = paired_effects(
-            values[base], days, ends[base], ends[scenario], change,
-            prices.tamping_cost_per_track_km, prices.discount_rate,
-        )  # fmt: skip
-        member, n = all_sets(made)[0], len(days)
-        columns = rows.effect_columns(member, variant, scenario, range(n), effects)
-        name = shard_name(variant, scenario, 0, n - 1)
-        store.write(folder, "effects", name, columns, provenance, 0, n - 1, made.currency)
+    prices, n = made.economics, len(next(iter(values.values())))
+    member = all_sets(made)[0]
+    for scenario in made.scenario_names:
+        found = []
+        for effect in made.effects.values():
+            if effect.scenario != scenario or prices is None:
+                continue
+            base = effect.baseline
+            effects = paired_effects(
+                values[base], values[scenario], ends[base], ends[scenario], effect.change,
+                prices.tamping_cost_per_track_km, prices.discount_rate,
+            )  # fmt: skip
+            found.append(rows.effect_columns(member, variant, range(n), effect, effects))
+        if found:
+            name, last = shard_name(variant, scenario, 0, n - 1), n - 1
+            columns = rows.joined(found)
+            store.write(folder, "effects", name, columns, provenance, 0, last, made.currency)

@@ -11,7 +11,7 @@ from mcsettle.cli.app import app
 from mcsettle.cli.terminal import EXIT_CODES
 from mcsettle.storage.tables import TABLES
 from mcsettle.study.schema.base import Table
-from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
+from mcsettle.study.schema.economics import EconomicsTable, EffectTable, MaintenanceTable
 from mcsettle.study.schema.grounds import GroundsTable, SoilTable
 from mcsettle.study.schema.profile import ProfileTable, RecordTable
 from mcsettle.study.schema.published import METRICS, CalibrationTable, ReferenceTable
@@ -67,6 +67,7 @@ HEADINGS: dict[str, type[Table]] = {
     "`[run]`": RunTable,
     "`[step_a]`": StepATable,
     "`[economics]`": EconomicsTable,
+    "`[[effects]]`": EffectTable,
     "`[maintenance]`": MaintenanceTable,
     "`[trains.NAME]`": TrainTable,
     "Entries of a consist": ConsistTable,

@@ -24,7 +24,12 @@ def small(path: Path) -> Study:
     data["variants"] = [{"name": data["variants"][0]["name"]}]
     for key in ("reference", "calibration", "uncertain", "correlations", "observed", "sources"):
         data.pop(key, None)
-    if data.get("economics", {}).get("baseline") not in names:
+    sides = [(e["scenario"], e["baseline"]) for e in data.get("effects", [])]
+    if sides:
+        data["effects"] = [
+            e for e, pair in zip(data["effects"], sides, strict=True) if {*pair} <= {*names}
+        ]
+    elif data.get("economics", {}).get("baseline") not in names:
         data.pop("economics", None)
     for train in data["trains"].values():
         train["cars"] = 1

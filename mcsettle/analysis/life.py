@@ -29,6 +29,7 @@ from mcsettle.step_a.transfers import step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Case, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.study.effects import StudyEffect
 from mcsettle.study.schema.economics import MaintenanceTable
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
@@ -43,7 +44,8 @@ class Life:
 
     ``cost`` of the sequence, ``constant`` by Eq. (4) with the first interval; ``marginal`` cost of the
     sequence and ``marginal_constant`` by Eqs. (8), (9), in ``unit`` (NaN for the baseline, and where a
-    first interval is unknown); costs in ``currency``; ``sd_after`` [R, C] m after each further tamping.
+    first interval is unknown); costs in ``currency``; ``baseline``: what the marginal costs are against;
+    ``sd_after`` [R, C] m after each further tamping.
     """
 
     variant: str
@@ -56,6 +58,7 @@ class Life:
     marginal_constant: np.ndarray
     unit: str
     currency: str
+    baseline: str = ""
 
 
 def lives(
@@ -92,7 +95,11 @@ def lives(
                 f"{variant} {scenario}",
                 progress,
             )
-        found += [_priced(study, variant, scenario, own) for scenario in study.scenario_names]
+        for scenario in study.scenario_names:
+            effects = [e for e in study.effects.values() if e.scenario == scenario]
+            found += [_priced(study, variant, scenario, e, own) for e in effects]
+            if not effects:
+                found.append(_priced(study, variant, scenario, None, own))
     return found
 
 
@@ -203,17 +210,22 @@ def _section(source: InitialProfiles) -> tuple[np.ndarray, float | None]:
 
 
 def _priced(
-    study: Study, variant: str, scenario: str, own: dict[str, tuple[Sequence, np.ndarray]]
+    study: Study,
+    variant: str,
+    scenario: str,
+    effect: StudyEffect | None,
+    own: dict[str, tuple[Sequence, np.ndarray]],
 ) -> Life:
-    """Costs of one scenario, and its marginal costs against the baseline's tracks."""
-    economics = study.priced
+    """Costs of one scenario, and its marginal costs against a baseline's tracks."""
+    economics = study.economics
     assert economics is not None
     money = (economics.tamping_cost_per_track_km, economics.discount_rate)
     sequence, after = own[scenario]
-    change = study.change(scenario)
+    unit = baseline = ""
     marginal = marginal_constant = np.full(len(after), np.nan)
-    if change is not None:
-        base = own[economics.baseline][0]
+    if effect is not None:
+        change, baseline = effect.change, effect.baseline
+        unit, base = change.unit, own[baseline][0]
         gamma = elasticity(base.first, sequence.first, change.base, change.changed)
         marginal = present_cost_slope(base, *money) * gamma / change.divisor
         alike = Sequence(base.years[:, :1], np.inf, base.open)
@@ -227,6 +239,7 @@ def _priced(
         constant_cost(sequence, *money),
         marginal,
         marginal_constant,
-        "" if change is None else change.unit,
+        unit,
         economics.currency,
+        baseline,
     )

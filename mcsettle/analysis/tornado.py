@@ -15,6 +15,7 @@ from mcsettle.step_a.transfers import TransferStore, step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Outcome, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
+from mcsettle.study.effects import StudyEffect
 from mcsettle.study.study import Study
 from mcsettle.summary.results import INTERVAL
 from mcsettle.types import Progress
@@ -24,7 +25,7 @@ ENDS = (0.1, 0.9)
 
 @dataclass(frozen=True)
 class Bar:
-    """Medians of one metric of one scenario with one input at its low and its high end.
+    """Medians of one metric of one scenario or effect, by name, with one input at its low and high end.
 
     ``low`` and ``high`` are the values of the input, ``at_low`` and ``at_high`` the medians (None:
     not reached or not identified), ``central`` the median with every input central.
@@ -109,17 +110,18 @@ def _medians(
     for scenario, outcome in outcomes.items():
         median = interval_quantile(*_days(study, outcome), 0.5)
         found[scenario, INTERVAL] = ("d", median.value)
-        found |= _effects(study, scenario, outcomes)
+        for effect in study.effects.values():
+            if effect.scenario == scenario:
+                found |= _effects(study, effect, outcomes)
     return found
 
 
 def _effects(
-    study: Study, scenario: str, outcomes: dict[str, Outcome]
+    study: Study, effect: StudyEffect, outcomes: dict[str, Outcome]
 ) -> dict[tuple[str, str], tuple[str, float | None]]:
-    change, prices = study.change(scenario), study.priced
-    if change is None or prices is None:
-        return {}
-    base, own = _days(study, outcomes[prices.baseline]), _days(study, outcomes[scenario])
+    prices, change = study.economics, effect.change
+    assert prices is not None
+    base, own = (_days(study, outcomes[name]) for name in (effect.baseline, effect.scenario))
     effects = economics.paired_effects(
         base[0],
         own[0],
@@ -134,7 +136,7 @@ def _effects(
     for metric, unit in (("reduction_percent", "%"), ("marginal_cost", change.unit)):
         values = getattr(effects, metric)[sound]
         median = effect_quantile(values, 0.5, unit).value if len(values) else None
-        found[scenario, metric] = (unit, median)
+        found[effect.name, metric] = (unit, median)
     return found
 
 

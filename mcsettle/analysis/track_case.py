@@ -219,8 +219,7 @@ def layer_tops(track: Track) -> list[tuple[str, float]]:
 def _speeds(case: TrackCase) -> list[Run]:
     """Runs of the baseline's train at distinct speeds, the baseline first."""
     study = case.study
-    names = study.scenario_names
-    base = names[0] if study.economics is None else study.economics.baseline
+    base = study.reference_scenario
     single = [run for run in case.runs if len(study.timetable(run.scenario).services) == 1]
     first = next((run for run in single if run.scenario == base), None)
     if first is None:

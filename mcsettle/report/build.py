@@ -125,8 +125,7 @@ def _track(material: Material) -> list[Block]:
 
 def _with_paper(section: Section, material: Material) -> Section:
     """Captions that name the paper's figure."""
-    economics = material.study.economics
-    speed = economics is not None and economics.effect == "speed"
+    speed = material.has_speed_effect
     blocks = []
     for block in section.blocks:
         if isinstance(block, Picture) and block.name in PAPER:

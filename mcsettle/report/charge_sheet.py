@@ -42,13 +42,13 @@ def pair_columns(material: Material) -> list[PairColumns]:
 
 
 def _pairs(material: Material, form: str, scenario: str) -> PairColumns:
-    results = material.results
-    priced = material.study.priced
+    results, effect = material.results, material.study.effects[scenario]
+    priced = material.study.economics
     assert priced is not None
     keys = ["parameter_set", "realisation"]
     effects, tracks = (
-        table[(table["variant"] == form) & (table["scenario"] == name)]
-        for table, name in ((results.effects, scenario), (results.realisations, priced.baseline))
+        results.pairs(form, effect),
+        results.part("realisations", form, effect.baseline),
     )
     known = effects[effects["status"] == "paired"][[*keys, "elasticity"]]
     known = known.merge(tracks[[*keys, "tamping_interval_days"]], on=keys)
@@ -61,7 +61,7 @@ def _pairs(material: Material, form: str, scenario: str) -> PairColumns:
     factors = np.zeros(sets.max() + 1)
     for e in np.unique(sets):
         study = results.members[e].study
-        change, money = study.change(scenario), study.priced
+        change, money = study.change(scenario), study.economics
         assert change is not None
         assert money is not None
         cost = money.tamping_cost_per_track_km / priced.tamping_cost_per_track_km
@@ -85,7 +85,7 @@ def line_mean(pairs: PairColumns, cost: float, rate: float) -> float:
 
 def write_charges(book: Any, material: Material) -> None:
     """Add the sheets ``charges`` and ``pairs``; nothing in a study without prices."""
-    priced = material.study.priced
+    priced = material.study.economics
     if priced is None or not material.answers.effects:
         return
     page, store = book.add_worksheet(CHARGES), book.add_worksheet(PAIRS)
@@ -126,7 +126,7 @@ def write_charges(book: Any, material: Material) -> None:
 
 def _write_inputs(book: Any, page: Any, material: Material) -> None:
     """The cells that may be changed, each with what it is."""
-    priced, code = material.study.priced, material.study.currency
+    priced, code = material.study.economics, material.study.currency
     assert priced is not None
     year = priced.price_base_year
     free = book.add_format({"bg_color": "#FFF2CC", "border": 1})

@@ -42,7 +42,7 @@ class MarginalTrain:
 class Charge:
     """One marginal cost in one unit: ``factor`` times what ``row`` holds."""
 
-    scenario: str
+    effect: str
     unit: str
     row: SummaryRow
     factor: float
@@ -55,14 +55,19 @@ class Charge:
         return next(found, None)
 
 
-def marginal_train(study: Study, scenario: str) -> MarginalTrain | None:
-    """The train a scenario adds or makes faster; None where it is not a single one."""
-    economics = study.priced
-    if economics is None or study.change(scenario) is None:
+def marginal_train(study: Study, effect: str) -> MarginalTrain | None:
+    """The train that the effect adds or makes faster; None where it is not a single one."""
+    found = study.effects.get(effect)
+    if found is None:
         return None
-    before = _services(study, economics.baseline)
-    after = _services(study, scenario)
-    if economics.effect == "speed":
+    before = _services(study, found.baseline)
+    after = _services(study, found.scenario)
+    if found.change.effect == "speed":
+        if found.train is not None:
+            before, after = (
+                {key: n for key, n in side.items() if key[0] == found.train}
+                for side in (before, after)
+            )
         names = {name for name, _ in after}
         if len(names) != 1 or {name for name, _ in before} != names:
             return None
@@ -83,9 +88,9 @@ class PriceUnit:
     factor: float
 
 
-def price_units(study: Study, scenario: str, miles: bool = False) -> list[PriceUnit]:
-    """The units that the marginal cost of ``scenario`` has, that of its effect first."""
-    change, train = study.change(scenario), marginal_train(study, scenario)
+def price_units(study: Study, effect: str, miles: bool = False) -> list[PriceUnit]:
+    """The units that the marginal cost of an effect has, its own first."""
+    change, train = study.change(effect), marginal_train(study, effect)
     if change is None:
         return []
     km, length = (KM_PER_MILE, "mile") if miles else (1.0, "km")
@@ -103,21 +108,33 @@ def price_units(study: Study, scenario: str, miles: bool = False) -> list[PriceU
     return found
 
 
-def headline_unit(study: Study, scenario: str, miles: bool = False) -> PriceUnit:
-    """The unit a price is asked in: of a train for a speed, of tonnes for tonnage."""
-    units = price_units(study, scenario, miles)
-    return next((unit for unit in units if unit.label.startswith("train-")
-                 and units[0].label.startswith("km/h")), units[0])  # fmt: skip
+def headline_unit(study: Study, effect: str, miles: bool = False) -> PriceUnit:
+    """The unit a price is asked in: of a train for a speed, of tonnes for tonnage.
+
+    In a study with effects of both kinds, of a train for each of them.
+    """
+    units = price_units(study, effect, miles)
+    speed = any(e.change.effect == "speed" for e in study.effects.values())
+    by_train = (unit for unit in units if speed and unit.label.startswith("train-"))
+    return next(by_train, units[0])
 
 
-def charges(material: "Material", scenario: str) -> list[Charge]:
-    """The marginal cost of ``scenario`` in every unit that it has; none of a minority of the tracks."""
-    row = material.row(scenario, "marginal_cost")
+def by_unit(study: Study, names: list[str], miles: bool = False) -> list[list[str]]:
+    """Effects whose prices are asked in one unit, and so stand on one axis; in their order."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        found.setdefault(headline_unit(study, name, miles).label, []).append(name)
+    return list(found.values())
+
+
+def charges(material: "Material", effect: str) -> list[Charge]:
+    """The marginal cost of an effect in every unit that it has; none of a minority of the tracks."""
+    row = material.row(effect, "marginal_cost")
     if row is None or not mostly_known(row):
         return []
-    units = price_units(material.study, scenario, material.miles)
+    units = price_units(material.study, effect, material.miles)
     sign = symbol(material.study.currency).strip()
-    return [Charge(scenario, f"{sign} per {unit.label}", row, unit.factor) for unit in units]
+    return [Charge(effect, f"{sign} per {unit.label}", row, unit.factor) for unit in units]
 
 
 def _services(study: Study, scenario: str) -> dict[tuple[str, float], int]:

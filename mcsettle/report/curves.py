@@ -26,13 +26,14 @@ def fans(material: Material) -> list[Fan]:
     """SD in time of every scenario of the answer's variant that has a history."""
     grids = _histories(material, at_limit=True)
     known = _histories(material, at_limit=False)
-    baseline = material.study.priced.baseline if material.study.priced is not None else None
+    baselines = {e.scenario: e.baseline for e in reversed(list(material.study.effects.values()))}
     found = []
     for scenario, grid in grids.items():
         quantiles = _by_day(grid, LEVELS)
         per_day = material.study.mgt_per_day(scenario)
         difference = None
-        if baseline in grids and scenario != baseline:
+        baseline = baselines.get(scenario)
+        if baseline in grids:
             difference = _by_day(known[scenario] - known[baseline], LEVELS[1:-1])
         found.append(
             Fan(

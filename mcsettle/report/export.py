@@ -175,13 +175,13 @@ def _frame(name: str, table: pd.DataFrame) -> Sheet:
 
 def _about(material: Material) -> Sheet:
     study = material.study
-    economics = study.priced
+    economics = study.economics
     rows: list[tuple[Any, ...]] = [("title", study.title), ("answer's variant", material.variant)]
     if economics is not None:
         rows += [
             ("currency", economics.currency),
             ("price base year", economics.price_base_year or "not stated"),
-            ("baseline", economics.baseline),
+            ("baseline", ", ".join(dict.fromkeys(e.baseline for e in study.effects.values()))),
         ]
     rows += [(key.replace("_", " "), value) for key, value in asdict(material.provenance).items()]
     rows += [("realisations", material.n_tracks), ("parameter sets", material.n_sets)]

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 
 from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import narrowed_by, stress_remarks
+from mcsettle.report.charging import by_unit
 from mcsettle.report.form_bars import MOST_LINES, form_bars
 from mcsettle.report.material import Material
 from mcsettle.report.money import symbol
 from mcsettle.report.page import Block, Bullets, Columns, Lead, Table, Text
-from mcsettle.report.price_words import answer_sentence, interval_change, prices, span, tamped_on
+from mcsettle.report.price_words import answer_sentence, changes_of, prices, span, tamped_on
 from mcsettle.report.words import cut
 from mcsettle.summary.answers import Answers
 
@@ -35,13 +36,13 @@ def first_page(material: Material) -> tuple[Block, ...]:
     told = list(answers.summaries)[:MOST_TOLD]
     for scenario in told:
         text, verdict, reason = answer_sentence(answers, scenario, material.miles)
-        tint = material.study.scenario_names.index(scenario)
-        blocks.append(Lead(text, cut(scenario, 20), tint, verdict, reason))
+        blocks.append(Lead(text, cut(scenario, 30), material.tint(scenario), verdict, reason))
     more = len(answers.summaries) - len(told)
     if more > 0:
         blocks.append(Text(f"{more} more scenarios under Prices by model form.", "note"))
     if answers.summaries:
-        blocks.append(form_bars(material, shown_scenarios(answers)))
+        shown = by_unit(material.study, shown_scenarios(answers), material.miles)
+        blocks += [form_bars(material, names) for names in shown]
     columns: list[tuple[Block, ...]] = [(interval_table(material),)]
     if answers.summaries:
         columns.append((Bullets(tuple(_price_of(material)), "What the price is a price of"),))
@@ -69,10 +70,10 @@ def interval_table(material: Material) -> Table:
             continue
         low, high = (number(day, 0, late) for day in found.half)
         middle = late if found.median.value is None else found.median.with_error()
-        effect = answers.effect(scenario)
-        change = "" if effect is None else interval_change(effect)
         date = tamped_on(material.study, found.median.value)
-        rows.append((cut(scenario, 20), middle, date, span(low, high), change))
+        rows.append(
+            (cut(scenario, 20), middle, date, span(low, high), changes_of(answers, scenario))
+        )
     head = ("", "days", "month", "half of the sections", "change")
     kept = [i for i in range(len(head)) if i in (0, 1, 3) or any(row[i] for row in rows)]
     columns = tuple(head[i] for i in kept)
@@ -82,7 +83,7 @@ def interval_table(material: Material) -> Table:
 
 
 def _price_of(material: Material) -> Iterator[str]:
-    priced = material.study.priced
+    priced = material.study.economics
     assert priced is not None
     sign = symbol(material.study.currency)
     yield (

@@ -38,11 +38,11 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
     def place(value: float) -> float:
         return round(100.0 * (value - low) / span, 2)
 
-    decimals = price_places((answers.effects[key], units[key[1]]) for key in shown)
+    places = price_places((key[1], answers.effects[key], units[key[1]]) for key in shown)
     rows = []
     for form in answers.forms:
         bars = [
-            _bar(material, (form, name), (units[name], decimals), place)
+            _bar(material, (form, name), (units[name], places[name]), place)
             for name in scenarios
             if (form, name) in answers.effects
         ]
@@ -50,7 +50,7 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
         rows.append(BarRow(form.replace("_", " "), note, tuple(bars)))
     ticks = [t for t in MaxNLocator(5).tick_values(low, high) if low <= t <= high]
     step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
-    places = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+    digits = max(0, -int(np.floor(np.log10(step) + 1e-9)))
     head = (
         "model form", f"price, {money} per {label}", "line mean (95 %)", "sections, P5 to P95",
         "interval", "sign",
@@ -59,7 +59,7 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
         caption="What the choice of model moves",
         head=head,
         zero=place(0.0),
-        ticks=tuple((place(t), number(t, places)) for t in ticks),
+        ticks=tuple((place(t), number(t, digits)) for t in ticks),
         rows=tuple(rows),
         alt=f"Price, {money} per {label}: "
         + "; ".join(f"{row.title} {bar.label} {bar.cells[0]}" for row in rows for bar in row.bars),
@@ -99,10 +99,8 @@ def _ends(
 
 
 def _published(material: Material, scenario: str) -> float | None:
-    rows = material.study.reference
-    return next(
-        (r.value for r in rows if (r.metric, r.scenario) == ("marginal_cost", scenario)), None
-    )
+    row = material.row(scenario, "marginal_cost")
+    return None if row is None or row.reference is None else row.reference.value
 
 
 def _bar(
@@ -116,8 +114,8 @@ def _bar(
         places.reverse()
     middle, published = effect.price.value, _published(material, name)
     return Bar(
-        cut(name, 12),
-        material.study.scenario_names.index(name),
+        cut(name, 16),
+        material.tint(name),
         places[0],
         None if middle is None else place(middle * unit.factor),
         places[1],

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import told_apart
-from mcsettle.report.charging import headline_unit
+from mcsettle.report.charging import by_unit, headline_unit
 from mcsettle.report.first_page import shown_scenarios
 from mcsettle.report.form_bars import form_bars
 from mcsettle.report.material import Material
@@ -20,8 +20,9 @@ def form_blocks(material: Material) -> Iterator[Block]:
     answers = material.answers
     names = list(answers.summaries)
     if shown_scenarios(answers) != names:  # the first page has no room for all
-        for first in range(0, len(names), AT_ONCE):
-            yield form_bars(material, names[first : first + AT_ONCE])
+        for group in by_unit(material.study, names, material.miles):
+            for first in range(0, len(group), AT_ONCE):
+                yield form_bars(material, group[first : first + AT_ONCE])
     yield _ranges(material)
     yield _forms(material)
 
@@ -54,7 +55,7 @@ def _ranges(material: Material) -> Table:
 def _forms(material: Material) -> Table:
     """What each form assumes, its factor, its uniform settlement and the cycles before a tamping."""
     study, answers, rows = material.study, material.answers, []
-    first = study.priced.baseline if study.priced is not None else study.scenario_names[0]
+    first = study.reference_scenario
     for form in answers.forms:
         settings = study.settlement_settings(form)
         found = answers.intervals.get((form, first))

@@ -59,10 +59,10 @@ class Material:
         """Rows of one variant."""
         return [row for row in self.rows if row.variant == variant]
 
-    def row(self, scenario: str, metric: str, variant: str | None = None) -> SummaryRow | None:
-        """One row, of the answer's variant unless another is named."""
-        wanted = (variant or self.variant, scenario, metric)
-        found = (r for r in self.rows if (r.variant, r.scenario, r.metric) == wanted)
+    def row(self, name: str, metric: str, variant: str | None = None) -> SummaryRow | None:
+        """One row of a scenario or effect, of the answer's variant unless another is named."""
+        wanted = (variant or self.variant, name, metric)
+        found = (r for r in self.rows if (r.variant, r.name, r.metric) == wanted)
         return next(found, None)
 
     def tracks(self, scenario: str, variant: str | None = None) -> pd.DataFrame:
@@ -71,26 +71,35 @@ class Material:
         own = (table["variant"] == (variant or self.variant)) & (table["scenario"] == scenario)
         return table[own & (table["status"] != "failed")]
 
-    def effects(self, scenario: str) -> pd.DataFrame:
-        """Rows of ``effects`` of one scenario with both intervals known."""
-        table = self.results.effects
-        if table.empty:
-            return table
-        own = (table["variant"] == self.variant) & (table["scenario"] == scenario)
-        return table[own & (table["status"] == "paired")]
+    def effects(self, name: str) -> pd.DataFrame:
+        """Rows of ``effects`` of the effect ``name`` with both intervals known."""
+        if self.results.effects.empty:
+            return self.results.effects
+        table = self.results.pairs(self.variant, self.study.effects[name])
+        return table[table["status"] == "paired"]
 
-    def title(self, scenario: str) -> str:
-        """Title of a scenario, or its name."""
-        return self.study.scenario(scenario).title or scenario
+    def title(self, name: str) -> str:
+        """Title of a scenario or effect, or its name."""
+        effect = self.study.effects.get(name)
+        if effect is None or effect.name == effect.scenario:
+            return self.study.scenario(name).title or name
+        sides = (self.study.scenario(side) for side in (effect.scenario, effect.baseline))
+        return " against ".join(side.title or side.name for side in sides)
 
-    def tint(self, scenario: str) -> int:
-        """Number of the colour that a scenario has in every picture."""
-        return self.study.scenario_names.index(scenario)
+    def tint(self, name: str) -> int:
+        """Number of the colour that a scenario, and each of its effects, has in every picture."""
+        effect = self.study.effects.get(name)
+        return self.study.scenario_names.index(name if effect is None else effect.scenario)
 
     @property
     def compared(self) -> list[str]:
-        """Scenarios that are compared with the baseline."""
-        return [name for name in self.study.scenario_names if self.study.change(name) is not None]
+        """Names of the effects."""
+        return list(self.study.effects)
+
+    @property
+    def has_speed_effect(self) -> bool:
+        """Whether a scenario is compared for its speed."""
+        return any(e.change.effect == "speed" for e in self.study.effects.values())
 
 
 def read_material(folder: Path, variant: str | None = None, miles: bool = False) -> Material:

@@ -41,6 +41,7 @@ def summarise(results: Results | Where) -> "pd.DataFrame":
             {
                 "variant": row.variant,
                 "scenario": row.scenario,
+                "baseline": row.baseline,
                 "metric": row.metric,
                 "p5": low.value,
                 "p50": middle.value,

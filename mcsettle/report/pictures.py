@@ -94,11 +94,12 @@ def growth_pictures(material: Material) -> Iterator[Picture]:
 
 
 def _concept(material: Material) -> Iterator[Picture]:
-    prices, sd = material.study.priced, material.study.profile.sd_mm
-    if prices is None or sd is None or not material.compared:
+    sd = material.study.profile.sd_mm
+    if sd is None or not material.compared:
         return
     scenario = material.compared[-1]
-    rows = [material.row(name, DAYS) for name in (prices.baseline, scenario)]
+    effect = material.study.effects[scenario]
+    rows = [material.row(name, DAYS) for name in (effect.baseline, effect.scenario)]
     medians = [row.at(0.5).value for row in rows if row is not None]
     if len(medians) < 2 or medians[0] is None or medians[1] is None:
         return

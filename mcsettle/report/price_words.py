@@ -1,6 +1,6 @@
 """The answer in sentences: what a change costs or saves, and whether the number may be used."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import date, timedelta
 
 from mcsettle.estimate.rounding import decimals, number
@@ -17,17 +17,31 @@ USE = {"yes": "yes", "as a range": "only as a range", "no": "no"}
 def question(answers: Answers) -> str:
     """What the study asks, in a plain sentence."""
     study, compared = answers.study, list(answers.summaries)
-    economics = study.economics
-    if economics is None or not compared:
+    if not compared:
         return "How long until the track must be tamped?"
-    trains = [marginal_train(study, scenario) for scenario in compared]
-    names = {"" if train is None else f"{train.name} " for train in trains}
-    kind = names.pop() if len(names) == 1 else ""
-    if economics.effect == "speed":
-        return f"What does a faster {kind}train cost in tamping?"
+    faster, added = (
+        [name for name in compared if study.effects[name].change.effect == kind]
+        for kind in ("speed", "tonnage")
+    )
+    if not added:
+        return f"What does a faster {_kind(study, faster)}train cost in tamping?"
+    if faster:
+        return (
+            f"What do a faster {_kind(study, faster)}train and one more {_kind(study, added)}train "
+            "cost in tamping?"
+        )
+    trains = [marginal_train(study, name) for name in added]
     several = all(train is not None and train.more > 1 for train in trains)
     more = "do more" if several else "does one more"
+    kind = _kind(study, added)
     return f"What {more} {kind}train{'s' if several else ''} a day cost in tamping?"
+
+
+def _kind(study: Study, effects: list[str]) -> str:
+    """Name of the train of all ``effects`` with a space; empty where they have several."""
+    trains = [marginal_train(study, name) for name in effects]
+    names = {"" if train is None else f"{train.name} " for train in trains}
+    return names.pop() if len(names) == 1 else ""
 
 
 def prices(study: Study) -> str:
@@ -41,13 +55,11 @@ def prices(study: Study) -> str:
     return f"{name}, {base}"
 
 
-def answer_sentence(
-    answers: Answers, scenario: str, miles: bool = False
-) -> tuple[str, Verdict, str]:
-    """What one scenario costs and between what over the forms; the verdict, and its reason."""
-    study, summary, effect = answers.study, answers.summaries[scenario], answers.effect(scenario)
-    unit, currency = headline_unit(study, scenario, miles), study.currency
-    head = what_changes(study, scenario)
+def answer_sentence(answers: Answers, name: str, miles: bool = False) -> tuple[str, Verdict, str]:
+    """What one effect costs and between what over the forms; the verdict, and its reason."""
+    study, summary, effect = answers.study, answers.summaries[name], answers.effect(name)
+    unit, currency = headline_unit(study, name, miles), study.currency
+    head = what_changes(study, name)
     if effect is None or effect.price.value is None:
         text = f"{head}: no price. {_bound(answers, effect, unit)}"
         return text, "no", summary.reason
@@ -100,12 +112,16 @@ def _bound(answers: Answers, effect: FormEffect | None, unit: PriceUnit) -> str:
     return f"{text}."
 
 
-def what_changes(study: Study, scenario: str) -> str:
-    """The change of a scenario as the subject of a sentence."""
-    train = marginal_train(study, scenario)
+def what_changes(study: Study, name: str) -> str:
+    """The change of an effect as the subject of a sentence."""
+    train, effect = marginal_train(study, name), study.effects[name]
+    base = study.scenario(effect.baseline)
+    # Where all are compared with one baseline it needs no naming.
+    several = len({other.baseline for other in study.effects.values()}) > 1
+    against = f" (beside {cut(base.title or base.name, 40)})" if several else ""
     if train is None:
-        return f"“{cut(study.scenario(scenario).title or scenario, 80)}”"
-    return _train_words(train)
+        return f"“{cut(study.scenario(effect.scenario).title or effect.scenario, 80)}”{against}"
+    return _train_words(train) + against
 
 
 def _train_words(train: MarginalTrain) -> str:
@@ -123,6 +139,14 @@ def interval_change(effect: FormEffect) -> str:
         return "unknown"
     change = -effect.reduction
     return ("+" if change > 0.0 else "") + number(change, 1) + " %"
+
+
+def changes_of(answers: Answers, scenario: str) -> str:
+    """Change of the interval of ``scenario``, against each of its baselines where it has several."""
+    found = answers.effects_of(scenario)
+    if len(found) == 1:
+        return interval_change(found[0][1])
+    return ", ".join(f"{interval_change(effect)} ({cut(base, 10)})" for base, effect in found)
 
 
 def tamped_on(study: Study, days: float | None) -> str:
@@ -179,14 +203,26 @@ def scaled_unit(unit: PriceUnit, scale: float) -> PriceUnit:
     return PriceUnit(unit.label, unit.factor * scale)
 
 
-def price_places(effects: Iterable[tuple[FormEffect, PriceUnit]]) -> int | None:
-    """Decimals of a column of prices: two digits of the largest error; None where none is known."""
-    errors = [
-        effect.price.standard_error * abs(unit.factor)
-        for effect, unit in effects
-        if effect.price.standard_error
-    ]
-    return max(0, decimals(max(errors))) if errors else None
+def price_places(
+    effects: Iterable[tuple[str, FormEffect, PriceUnit]],
+) -> Mapping[str, int | None]:
+    """Decimals of the prices of each effect by name: two digits of its largest error; None: unknown.
+
+    The same for all in a column, unless one would lose more than a digit by it.
+    """
+    errors: dict[str, float] = {}
+    names: dict[str, int | None] = {}
+    for name, effect, unit in effects:
+        names[name] = None
+        if effect.price.standard_error:
+            error = effect.price.standard_error * abs(unit.factor)
+            errors[name] = max(error, errors.get(name, 0.0))
+    if errors:
+        own = {name: max(0, decimals(error)) for name, error in errors.items()}
+        alike = max(own.values()) - min(own.values()) <= 1
+        least = min(own.values())
+        names |= dict.fromkeys(names, least) if alike else own
+    return names
 
 
 def price_interval(effect: FormEffect, unit: PriceUnit, places: int | None) -> str:

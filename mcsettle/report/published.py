@@ -12,7 +12,7 @@ from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
 from mcsettle.report.pictures import NOT_DRAWN, PAPER
 from mcsettle.report.words import as_given, cut, level, metric_words, percentile, unit_words
-from mcsettle.study.schema.published import ReferenceTable
+from mcsettle.study.schema.published import EFFECT_METRICS, ReferenceTable
 
 WIDE_BAND = (5.0, 95.0)
 
@@ -60,6 +60,13 @@ def _entries(material: Material, source: str) -> list[ReferenceTable]:
     return [row for row in material.study.reference if row.source == source]
 
 
+def _name(material: Material, entry: ReferenceTable) -> str:
+    """Name of the effect, or of the scenario, that a published value is of."""
+    effects = (e for e in material.study.effects.values() if e.scenario == entry.scenario)
+    own = next((e.name for e in effects if entry.baseline in (None, e.baseline)), entry.scenario)
+    return own if entry.metric in EFFECT_METRICS else entry.scenario
+
+
 def _ours(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, ...]]:
     """Cells of ours: variant, P5, P50, P95, percentile; one row a variant or definition."""
     if entry.metric == "mgt_increase_percent":
@@ -69,7 +76,7 @@ def _ours(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, ...]
         yield from _stress(material, entry)
         return
     for variant in material.study.variant_names:
-        row = material.row(entry.scenario, entry.metric, variant)
+        row = material.row(_name(material, entry), entry.metric, variant)
         if row is None:
             yield (variant, "", "no result", "", "")
             continue
@@ -78,10 +85,10 @@ def _ours(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, ...]
 
 
 def _tonnage(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, ...]]:
-    study, prices = material.study, material.study.priced
-    if prices is None:
+    study, effect = material.study, material.study.effects.get(_name(material, entry))
+    if effect is None:
         return
-    names = (entry.scenario, prices.baseline)
+    names = (effect.scenario, effect.baseline)
     stated, base = (study.mgt_per_day(name) for name in names)
     yield ("as stated", "", number(100.0 * (stated / base - 1.0)), "", "")
     summed, base = (study.timetable(name).mass_per_day for name in names)
@@ -105,7 +112,7 @@ def _stress(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, ..
 def _differences(material: Material, source: str) -> Iterator[str]:
     """Where the values fall, counted, and the study's own remarks."""
     entries = _entries(material, source)
-    rows = [material.row(e.scenario, e.metric) for e in entries]
+    rows = [material.row(_name(material, e), e.metric) for e in entries]
     shares = [r.reference_percent for r in rows if r is not None]
     known = [share for share in shares if share is not None]
     if known:
@@ -120,7 +127,7 @@ def _differences(material: Material, source: str) -> Iterator[str]:
 def _figures(material: Material, pictures: list[Picture]) -> Table:
     """Which picture here stands for which figure of the paper."""
     names = {picture.name for picture in pictures}
-    speed = material.study.economics is not None and material.study.economics.effect == "speed"
+    speed = material.has_speed_effect
     rows = []
     for name, (figure, why) in PAPER.items():
         if name == "sd_time":

@@ -20,7 +20,7 @@ SHARES = ("parameters", "sections", "interaction")
 def sensitivity_blocks(material: Material, bars: Sequence[Bar]) -> Iterator[Block]:
     """Variance split, first-order indices, tornado; and what else moves the answer."""
     rows = material.of(material.variant)
-    split = [row for row in (_split_cells(r.scenario, r.metric, r.spread) for r in rows) if row]
+    split = [row for row in (_split_cells(r.name, r.metric, r.spread) for r in rows) if row]
     if split:
         head = ("scenario", "quantity", *SHARES)
         note = (
@@ -61,7 +61,7 @@ def _indices(material: Material) -> Iterator[Block]:
             continue
         found.sort(key=lambda s: -(s.estimate.value or 0.0))
         cells = tuple((cut(s.subject, 80), s.estimate.with_error("", 100.0)) for s in found)
-        name = f"{row.scenario}, {metric_words(row.metric)}"
+        name = f"{row.name}, {metric_words(row.metric)}"
         names = _short_names([s.subject for s in found])
         swings = [
             Swing(names[s.subject], 0.0, 100.0 * (s.estimate.value or 0.0),
@@ -72,7 +72,7 @@ def _indices(material: Material) -> Iterator[Block]:
         alt = f"First-order indices, {name}: " + "; ".join(
             f"{a} {b} %" for a, b in cells[:MOST_BARS]
         )
-        key = f"index-{row.scenario}-{row.metric}"
+        key = f"index-{row.name}-{row.metric}".replace(" ", "-")
         yield Picture(key, figure, alt + ".", f"First-order indices: {name}. Bars: ± one error.")
         yield Table(f"First-order indices: {name}", ("input", "% of the variance"), cells, 1,
                     small=True)  # fmt: skip
@@ -113,7 +113,7 @@ def _tornado(bars: Sequence[Bar]) -> Iterator[Block]:
             text = f"Tornado: {name}."
             if unknown:
                 text += f" Not drawn, an end being not reached: {', '.join(unknown)}."
-            yield Picture(f"tornado-{scenario}-{metric}", figure, alt + ".", text)
+            yield Picture(f"tornado-{scenario}-{metric}".replace(" ", "-"), figure, alt + ".", text)
         rows = tuple(
             (
                 cut(b.input, 80),
@@ -133,7 +133,7 @@ def _pairing(material: Material) -> Iterator[Block]:
             other = found.get("correlation")
             rows.append(
                 (
-                    row.scenario,
+                    row.name,
                     found["pairing_gain"].with_error()
                     if found["pairing_gain"].value is not None
                     else found["pairing_gain"].note,
@@ -156,7 +156,7 @@ def _lines(material: Material) -> Iterator[Block]:
         found = [s for s in row.spread if s.statistic == "line_mean"]
         if not found:
             continue
-        rows.append((f"{row.scenario}, {metric_words(row.metric)}, {unit_words(row.unit)}",))
+        rows.append((f"{row.name}, {metric_words(row.metric)}, {unit_words(row.unit)}",))
         for length in dict.fromkeys(s.subject for s in found):
             rows.append((length, *(_ranged(s.estimate) for s in found if s.subject == length)))
     if rows:
@@ -188,7 +188,7 @@ def convergence_blocks(material: Material) -> Iterator[Block]:
         yield Picture("convergence", figure, alt + ".", text)
     rows: list[tuple[str, ...]] = []
     for row in material.of(material.variant):
-        rows.append((f"{row.scenario}, {metric_words(row.metric)}",))
+        rows.append((f"{row.name}, {metric_words(row.metric)}",))
         for statistic in (*row.statistics, *row.spread):
             if statistic.statistic not in SHOWN:
                 continue

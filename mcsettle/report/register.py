@@ -143,9 +143,7 @@ def _defaults(study: Study) -> dict[str, Any]:
         own = _dump(resolved_train(plain, study.vehicle_tables))
         data["trains"][name] = {k: v for k, v in own.items() if k not in ("vehicle", "cars")}
     if study.economics is not None:
-        effect, baseline = study.economics.effect, study.economics.baseline
-        own = _dump(EconomicsTable(effect=effect, baseline=baseline))
-        data["economics"] = {k: v for k, v in own.items() if k not in ("effect", "baseline")}
+        data["economics"] = _dump(EconomicsTable())
     return dict(_leaves(data))
 
 

@@ -55,10 +55,10 @@ def quantile_table(material: Material, variant: str) -> Table:
         middle = row.at(0.5)
         name = metric_words(row.metric)
         if all(row.at(at).value is None for at in LEVELS):
-            unknown.setdefault(name, []).append(row.scenario)
+            unknown.setdefault(name, []).append(row.name)
             continue
-        if row.scenario != previous:
-            rows.append((f"{row.scenario}: {cut(material.title(row.scenario), 100)}",))
+        if row.name != previous:
+            rows.append((f"{row.name}: {cut(material.title(row.name), 100)}",))
         rows.append(
             (
                 name + (f", {unit_words(row.unit)}" if unit_words(row.unit) else ""),
@@ -71,7 +71,7 @@ def quantile_table(material: Material, variant: str) -> Table:
                 percentile(row),
             )
         )
-        previous = row.scenario
+        previous = row.name
     title = cut(study.variant(variant).title)
     factor = study.settlement_settings(variant).settlement_factor
     caption = f"Variant {variant}{': ' if title else ''}{title} (settlement factor {factor:g})"
@@ -168,8 +168,7 @@ def charge_blocks(material: Material) -> Iterator[Block]:
 
 def _literature(material: Material) -> Iterator[Block]:
     km, length = (KM_PER_MILE, "mile") if material.miles else (1.0, "km")
-    economics = material.study.economics
-    wanted = PER_SPEED if economics is not None and economics.effect == "speed" else PER_TONNE
+    wanted = PER_SPEED if material.has_speed_effect else PER_TONNE
     rows = []
     for entry in published_costs():
         if wanted != entry["basis"] and entry["basis"] != PER_TONNE:

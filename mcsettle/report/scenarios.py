@@ -20,7 +20,7 @@ def scenario_blocks(material: Material) -> Iterator[Block]:
 
 def _scenarios(material: Material) -> Table:
     study, rows = material.study, []
-    base = study.priced.baseline if study.priced is not None else ""
+    bases = {effect.baseline: effect for effect in study.effects.values()}
     for name in study.scenario_names:
         entries = study.scenario(name).timetable
         services = ", then ".join(
@@ -28,12 +28,12 @@ def _scenarios(material: Material) -> Table:
         )
         summed = study.timetable(name).mass_per_day / MGT
         stated = study.scenario(name).mgt_per_day
-        if stated is None and name == base and study.economics is not None:
-            stated = study.economics.mgt_per_day
+        if stated is None and name in bases and bases[name].change.effect == "tonnage":
+            stated = bases[name].change.base
             stated = None if stated == summed else stated
         rows.append(
             (
-                name + (" (baseline)" if name == base else ""),
+                name + (" (baseline)" if name in bases else ""),
                 cut(material.title(name)),
                 services,
                 number(summed, 5),

@@ -10,7 +10,7 @@ from mcsettle.summary.sign_split import SHORTENS, SIGNS, sign_rows
 
 def sign_blocks(material: Material) -> Iterator[Block]:
     """What added services roughen and harden, in every variant; nothing without added services."""
-    found = {(row.variant, row.scenario, row.metric): row for row in sign_rows(material.results)}
+    found = {(row.variant, row.name, row.metric): row for row in sign_rows(material.results)}
     rows = []
     for variant, scenario in dict.fromkeys(key[:2] for key in found):
         cells = [found[variant, scenario, metric].at(0.5).with_error() for metric, _, _ in SIGNS]

@@ -4,6 +4,7 @@ It works on a folder alone: no realisation of a shard is computed, and the few o
 follow from the study.
 """
 
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from mcsettle.storage.location import Place, Where, place
 from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.storage.shard_name import ShardName
+from mcsettle.study.effects import StudyEffect
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study
 from mcsettle.summary.courses import courses
@@ -153,8 +155,8 @@ def _write_weights(
 def _write_effects(
     at: Place, study: Study, members: list[ParameterSet], provenance: Provenance
 ) -> None:
-    """Pair every scenario with the baseline, realisation by realisation."""
-    if study.economics is None:
+    """Pair every scenario with its baselines, realisation by realisation."""
+    if not study.effects:
         return
     frame = store.read(at, "realisations").to_pandas()
     own = ["variant", "parameter_set", "scenario"]
@@ -162,38 +164,39 @@ def _write_effects(
     ranges = index_ranges(study.run.realisations, provenance.shard_realisations)
     for variant in study.variant_names:
         for member in members:
-            for scenario in study.scenario_names:
-                effects = _effects(member, variant, scenario, parts)
-                if effects is None:
-                    continue
+            for scenario, found in groupby(member.study.effects.values(), key=_scenario_of):
+                paired = [(effect, _paired(member, variant, effect, parts)) for effect in found]
                 for part in ranges:
                     ends = part.start, part.stop - 1
                     shard = Shard(member.index, variant, scenario, *ends, study.nested)
-                    columns = rows.effect_columns(member, variant, scenario, part, effects)
+                    columns = rows.joined(
+                        [rows.effect_columns(member, variant, part, *pair) for pair in paired]
+                    )
                     store.write(
                         at, "effects", shard.name, columns, provenance, *ends, study.currency
                     )
 
 
-def _effects(
-    member: ParameterSet,
-    variant: str,
-    scenario: str,
-    parts: dict[Any, pd.DataFrame],
-) -> economics.Effects | None:
-    table, change = member.study.priced, member.study.change(scenario)
-    if table is None or change is None:
-        return None
-    base = parts[variant, member.index, table.baseline]
-    other = parts[variant, member.index, scenario]
+def _scenario_of(effect: StudyEffect) -> str:
+    return effect.scenario
+
+
+def _paired(
+    member: ParameterSet, variant: str, effect: StudyEffect, parts: dict[Any, pd.DataFrame]
+) -> economics.Effects:
+    """One effect in one variant and parameter set."""
+    prices = member.study.economics
+    assert prices is not None
+    base = parts[variant, member.index, effect.baseline]
+    other = parts[variant, member.index, effect.scenario]
     return economics.paired_effects(
         base["tamping_interval_days"].to_numpy(float),
         other["tamping_interval_days"].to_numpy(float),
         base["censored_at_days"].to_numpy(float),
         other["censored_at_days"].to_numpy(float),
-        change,
-        table.tamping_cost_per_track_km,
-        table.discount_rate,
+        effect.change,
+        prices.tamping_cost_per_track_km,
+        prices.discount_rate,
     )
 
 

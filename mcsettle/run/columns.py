@@ -10,6 +10,7 @@ from mcsettle.estimate.conditioning import Conditioning
 from mcsettle.railway.scene import Scene
 from mcsettle.step_b.case import Outcome
 from mcsettle.storage.tables import input_column
+from mcsettle.study.effects import StudyEffect
 from mcsettle.study.key_units import units_of
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.summary.summary import SummaryRow
@@ -75,25 +76,23 @@ def history_columns(
 def effect_columns(
     member: ParameterSet,
     variant: str,
-    scenario: str,
     indices: range,
+    effect: StudyEffect,
     effects: economics.Effects,
 ) -> dict[str, Any]:
     """Columns of the ``effects`` table for the realisations ``indices`` of ``effects``."""
-    table = member.study.economics
-    assert table is not None
     part, n = slice(indices.start, indices.stop), len(indices)
     return {
         "variant": [variant] * n,
-        "scenario": [scenario] * n,
-        "baseline": [table.baseline] * n,
+        "scenario": [effect.scenario] * n,
+        "baseline": [effect.baseline] * n,
         "parameter_set": np.full(n, member.index, np.int32),
         "realisation": np.arange(indices.start, indices.stop),
         "status": effects.status[part].tolist(),
         "reduction_percent": nullable(effects.reduction_percent[part]),
         "elasticity": nullable(effects.elasticity[part]),
         "marginal_cost": nullable(effects.marginal_cost[part]),
-        "effect": [table.effect] * n,
+        "effect": [effect.change.effect] * n,
     }
 
 
@@ -148,6 +147,7 @@ def summary_columns(rows: list[SummaryRow]) -> dict[str, list[Any]]:
     columns: dict[str, list[Any]] = {
         "variant": [row.variant for row, _ in flat],
         "scenario": [row.scenario for row, _ in flat],
+        "baseline": [row.baseline for row, _ in flat],
         "metric": [row.metric for row, _ in flat],
         "statistic": [s.statistic for _, s in flat],
         "subject": [s.subject for _, s in flat],

@@ -112,7 +112,7 @@ def _scenario(study: Study) -> str:
     found = None if study.calibration is None else study.calibration.scenario
     if found in study.scenario_names and found is not None:
         return found
-    return study.scenario_names[0] if study.economics is None else study.economics.baseline
+    return study.reference_scenario
 
 
 def _target(study: Study) -> str:

@@ -40,11 +40,11 @@ def write_sign_split(
 
     ``prepared``: Step A of the central set; None: from the cache folder, or computed.
     """
-    if study.economics is None:
+    if not study.effects:
         return
     valid = next((member.study for member in members if not member.failure), study)
     scenes = (valid if study.grounds_table else study).scenes  # as Step A of the run takes them
-    pairs = _pairs(scenes, study.economics.baseline)
+    pairs = _pairs(scenes, [(e.baseline, e.scenario) for e in study.effects.values()])
     n = min(study.run.realisations, PAIRS)
     if pairs and _is_written(at, provenance, n):
         return
@@ -59,16 +59,20 @@ def write_sign_split(
     store.write(at, TABLE, NAME, joined(parts), provenance, 0, n - 1)
 
 
-def _pairs(scenes: Sequence[Scene], baseline: str) -> list[tuple[Scene, Scene]]:
-    """Baseline and scenario of every variant that can be split."""
-    bases = {scene.variant: scene for scene in scenes if scene.scenario == baseline}
+def _pairs(
+    scenes: Sequence[Scene], effects: Sequence[tuple[str, str]]
+) -> list[tuple[Scene, Scene]]:
+    """Baseline and scenario of every variant and effect that can be split."""
+    by_name = {(scene.variant, scene.scenario): scene for scene in scenes}
     found = []
-    for scene in scenes:
-        base, model = bases[scene.variant], scene.settlement
-        # Where N before counts the scenario's own mix it cannot be held while the traffic changes.
-        held = model.cycles != "equivalent" or model.equivalence_history != "mix"
-        if scene is not base and held and _adds(base, scene):
-            found.append((base, scene))
+    for variant in dict.fromkeys(scene.variant for scene in scenes):
+        for baseline, scenario in effects:
+            base, scene = by_name[variant, baseline], by_name[variant, scenario]
+            model = scene.settlement
+            # Where N before counts the scenario's own mix it cannot be held while the traffic changes.
+            held = model.cycles != "equivalent" or model.equivalence_history != "mix"
+            if held and _adds(base, scene):
+                found.append((base, scene))
     return found
 
 

@@ -186,6 +186,9 @@ TABLES = {
     "summary": TableShape(
         (
             *_SCENE,
+            Column(
+                "baseline", TEXT, "", "of an effect: what the scenario is compared with; else empty"
+            ),
             Column("metric", TEXT, "", "what is estimated: a column of another table"),
             Column("statistic", TEXT, "", "what of it: quantile, mean, variance share, …"),
             Column("subject", TEXT, "", "an input, or a length of line; else empty"),
@@ -199,7 +202,7 @@ TABLES = {
             Column("unit", TEXT, "", "unit of value, limits and error"),
             Column("note", TEXT, "", "what to know about this estimate; may be empty"),
         ),
-        6,
+        7,
     ),
 }
 

@@ -32,5 +32,5 @@ def candidates_of(study: Study) -> Candidates:
     scenes = [member.study.scenes for member in members]
     if study.grounds_table is None:
         indices, scenes = [CENTRAL, *indices], [study.scenes, *scenes]
-    baseline = study.scenario_names[0] if study.economics is None else study.economics.baseline
+    baseline = study.reference_scenario
     return Candidates(tuple(indices), tuple(scenes), baseline, study.digest, table or StepATable())

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mcsettle.economics import Change, speed_change, tonnage_change
+from mcsettle.economics import Change
 from mcsettle.errors import InputError
 from mcsettle.estimate.observation import Observation
 from mcsettle.railway.softening_choices import SofteningSettings
@@ -20,12 +20,12 @@ from mcsettle.study.build import (
     settlement_settings,
 )
 from mcsettle.study.build_trains import build_train
+from mcsettle.study.effects import StudyEffect, effect_entries, study_effects
 from mcsettle.study.faults import suggestion
 from mcsettle.study.scenes import (
     profile_wavenumbers,
     recorded_days,
 )
-from mcsettle.study.schema.economics import EconomicsTable
 from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.traffic import ScenarioTable
 from mcsettle.study.schema.uncertain import UncertainTable
@@ -105,8 +105,9 @@ class StudyObjects(StudyTables):
 
     @property
     def reference_scenario(self) -> str:
-        """Scenario whose first service is the reference of equivalent cycles: the baseline."""
-        return self.scenario_names[0] if self.economics is None else self.economics.baseline
+        """Scenario whose first service is the reference of equivalent cycles: the first baseline."""
+        entries = effect_entries(self)
+        return entries[0].baseline if entries else self.scenario_names[0]
 
     def settlement_settings(self, variant: str) -> SettlementSettings:
         """The settlement settings of ``variant``, its overrides applied."""
@@ -132,33 +133,15 @@ class StudyObjects(StudyTables):
         given = self.scenario(scenario).mgt_per_year
         return given or self.mgt_per_day(scenario) * DAYS_PER_YEAR
 
-    def change(self, scenario: str) -> Change | None:
-        """What ``scenario`` changes against the baseline; None for the baseline."""
-        economics = self.priced
-        if economics is None or scenario == economics.baseline:
-            return None
-        table = self.scenario(scenario)
-        if economics.effect == "speed":
-            speed = table.timetable[0].speed_kmh
-            trains = economics.trains_thousand_per_year or 0.0
-            return speed_change(economics.base_speed_kmh or 0.0, speed, trains, economics.currency)
-        base = economics.mgt_per_day or 0.0
-        added = self.mgt_per_day(scenario) - self.mgt_per_day(economics.baseline)
-        return tonnage_change(base, base + added, table.mgt_per_year, economics.currency)
-
     @property
-    def priced(self) -> EconomicsTable | None:
-        """The economics with base speed, trains a year and tonnage a day from the baseline."""
-        if self.economics is None:
-            return None
-        timetable = self.timetable(self.economics.baseline)
-        own = self.economics.model_dump(exclude_none=True)
-        defaults = {
-            "base_speed_kmh": self.scenario(self.economics.baseline).timetable[0].speed_kmh,
-            "trains_thousand_per_year": timetable.trains_per_day * DAYS_PER_YEAR / 1000.0,
-            "mgt_per_day": self.mgt_per_day(self.economics.baseline),
-        }
-        return EconomicsTable.model_validate(defaults | own)
+    def effects(self) -> Mapping[str, StudyEffect]:
+        """What is compared with what, by name; empty without prices."""
+        return study_effects(self)
+
+    def change(self, name: str) -> Change | None:
+        """What the effect ``name`` changes (a scenario's, where it has one baseline); None: no effect."""
+        found = self.effects.get(name)
+        return None if found is None else found.change
 
 
 Named = TypeVar("Named", ScenarioTable, VariantTable)

@@ -28,6 +28,7 @@ from mcsettle.study.checks.observed import observed_faults, unfitted_faults
 from mcsettle.study.checks.parts import parts_of, valid_parts
 from mcsettle.study.checks.together import faults_between, warnings_of
 from mcsettle.study.checks.uncertain import uncertain_faults
+from mcsettle.study.effects import resolved_economics, resolved_entry
 from mcsettle.study.faults import Fault, faults_of, refusal
 from mcsettle.study.former_keys import with_present_keys
 from mcsettle.study.input_files import (
@@ -274,9 +275,14 @@ class Study(StudyObjects):
                 "variants": tuple(
                     resolved_variant(v, self.settlement, varied) for v in self.variants
                 ),
-                "economics": self.economics if has_uncertain_traffic(self) else self.priced,
             }
+            | ({} if has_uncertain_traffic(self) else self._resolved_effects())
         )
+
+    def _resolved_effects(self) -> dict[str, Any]:
+        """The figures of the baselines written out."""
+        entries = tuple(resolved_entry(self, entry) for entry in self.effect_tables)
+        return {"economics": resolved_economics(self), "effect_tables": entries}
 
     @property
     def identity(self) -> str:

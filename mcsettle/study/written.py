@@ -21,7 +21,7 @@ _NO_EFFECT_ON_RESULTS = {
 # Tables and lists that are left out where they are empty.
 _OPTIONAL = (
     *("reference", "uncertain", "correlations", "observed"),
-    *("sources", "vehicles", "include"),
+    *("sources", "vehicles", "include", "effects"),
 )
 
 

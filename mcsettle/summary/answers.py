@@ -16,6 +16,7 @@ from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.resampling import SetWeights, as_interval
 from mcsettle.estimate.weighted_quantiles import weighted_quantiles
+from mcsettle.study.effects import StudyEffect
 from mcsettle.study.study import Study
 from mcsettle.summary.forms import FormEffect, FormsSummary, summarise_forms
 from mcsettle.summary.results import CENSORED, INTERVAL, Results
@@ -43,7 +44,7 @@ class IntervalAnswer:
 
 @dataclass(frozen=True)
 class Answers:
-    """What the run says, form by form; keys (form, scenario) and scenario.
+    """What the run says, form by form; keys (form, scenario), (form, effect) and effect.
 
     ``form`` is the one whose numbers stand first, ``forms`` are those that are shown and counted.
     ``horizon_wanted`` [years] is where about half of the sections would have reached their limit; None
@@ -58,9 +59,15 @@ class Answers:
     summaries: Mapping[str, FormsSummary]
     horizon_wanted: float | None = None
 
-    def effect(self, scenario: str) -> FormEffect | None:
-        """The effect of ``scenario`` in the form that stands first; None without one."""
-        return self.effects.get((self.form, scenario))
+    def effect(self, name: str) -> FormEffect | None:
+        """The effect ``name`` in the form that stands first; None without one."""
+        return self.effects.get((self.form, name))
+
+    def effects_of(self, scenario: str) -> list[tuple[str, FormEffect]]:
+        """Baselines of ``scenario`` and its effects against them, in the form that stands first."""
+        own = (e for e in self.study.effects.values() if e.scenario == scenario)
+        found = ((e.baseline, self.effect(e.name)) for e in own)
+        return [(baseline, effect) for baseline, effect in found if effect is not None]
 
 
 def answers(results: Results, variant: str | None = None) -> Answers:
@@ -84,15 +91,14 @@ def answers(results: Results, variant: str | None = None) -> Answers:
             if (table["status"] == "failed").all():
                 continue
             intervals[form, scenario] = _interval(table, weights)
-            effect = _effect(results, form, scenario, own, weights)
-            if effect is not None:
-                effects[form, scenario] = effect
-    compared = dict.fromkeys(scenario for _, scenario in effects)
+        for name, effect in study.effects.items():
+            found = _effect(results, form, effect, own, weights)
+            if found is not None:
+                effects[form, name] = found
+    compared = dict.fromkeys(name for _, name in effects)
     summaries = {
-        scenario: summarise_forms(
-            scenario, [effects[f, scenario] for f in counted if (f, scenario) in effects]
-        )
-        for scenario in compared
+        name: summarise_forms(name, [effects[f, name] for f in counted if (f, name) in effects])
+        for name in compared
     }
     wanted = None
     if any(effect.price.value is None for effect in effects.values()):
@@ -133,28 +139,30 @@ def _interval(table: pd.DataFrame, weights: SetWeights | None) -> IntervalAnswer
 
 
 def _effect(
-    results: Results, form: str, scenario: str, own: pd.DataFrame, weights: SetWeights | None
+    results: Results,
+    form: str,
+    effect: StudyEffect,
+    own: pd.DataFrame,
+    weights: SetWeights | None,
 ) -> FormEffect | None:
-    """The paired effect of one form and scenario; None for the baseline and without any pair."""
-    study, change = results.study, results.study.change(scenario)
-    prices = study.priced
-    if change is None or prices is None or results.effects.empty:
+    """The paired effect of one form; None without any pair."""
+    if results.effects.empty:
         return None
-    table = results.part("effects", form, scenario)
+    table = results.pairs(form, effect)
     table = table[table["status"].isin(["paired", "censored"])]
     if table.empty:
         return None
-    pairs = _Pairs.of(own, table, (prices.baseline, scenario))
-    priced = as_interval(weights, cost_exponent(study, own))
-    costs = effect_sample(table, "marginal_cost", change.unit, own).weighted(priced)
+    pairs = _Pairs.of(own, table, (effect.baseline, effect.scenario))
+    priced = as_interval(weights, cost_exponent(results.study, own, effect.baseline))
+    costs = effect_sample(table, "marginal_cost", effect.change.unit, own).weighted(priced)
     reductions = effect_sample(table, "reduction_percent", "%", own).weighted(weights)
     sizes = costs.shares
-    bound = _at_most(results, scenario, pairs, sizes) if np.any(costs.censored) else None
+    bound = _at_most(results, effect.name, pairs, sizes) if np.any(costs.censored) else None
     (reduction,) = _known_quantiles(reductions, (0.5,))
     low, middle, high = _known_quantiles(costs, BAND)
     return FormEffect(
         *(form, _line_mean(costs), bound, (low, middle, high), reduction, pairs.shortening(sizes)),
-        is_calibrated(study, form),
+        is_calibrated(results.study, form),
     )
 
 
@@ -202,11 +210,11 @@ def _line_mean(costs: CrossedSample) -> Estimate:
     return replace(costs.section_mean(), n=n, n_censored=unknown, note=note)
 
 
-def _at_most(results: Results, scenario: str, pairs: _Pairs, sizes: np.ndarray) -> float | None:
+def _at_most(results: Results, effect: str, pairs: _Pairs, sizes: np.ndarray) -> float | None:
     """Upper bound of the line's mean: every censored pair at the most it can cost."""
     total, weight = 0.0, 0.0
     for e, member in enumerate(results.members[: len(pairs.base)]):
-        change, prices = member.study.change(scenario), member.study.priced
+        change, prices = member.study.change(effect), member.study.economics
         if change is None or prices is None:
             continue
         money = prices.tamping_cost_per_track_km, prices.discount_rate

@@ -15,6 +15,7 @@ import pandas as pd
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.sample import effect_quantile, interval_quantile
+from mcsettle.study.effects import StudyEffect
 from mcsettle.study.study import Study
 from mcsettle.study.written import study_data
 from mcsettle.summary.results import CENSORED, INTERVAL, Results
@@ -34,7 +35,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Row:
-    """One quantity of one variant and scenario in both runs.
+    """One quantity of one variant and scenario, or effect by its name, in both runs.
 
     ``first`` and ``second`` are medians; ``change``: P5, P50 and P95 of the paired change, empty where
     the runs do not share tracks; ``unit`` of the medians, ``change_unit`` of the change.
@@ -114,17 +115,27 @@ def _rows(
         yield Row(variant, scenario, INTERVAL, "d", medians[0], medians[1], "%", change)
     if first.effects.empty or second.effects.empty:
         return
-    units = [getattr(r.study.change(scenario), "unit", None) for r in (first, second)]
-    if units[0] is None or units[0] != units[1]:
+    for effect in first.study.effects.values():
+        if effect.scenario == scenario:
+            yield from _effect_rows(first, second, variant, effect, paired)
+
+
+def _effect_rows(
+    first: Results, second: Results, variant: str, effect: StudyEffect, paired: bool
+) -> Iterator[Row]:
+    """An effect that both runs have, in one unit."""
+    same = (effect.scenario, effect.baseline, effect.change.unit)
+    others = second.study.effects.values()
+    if same not in [(e.scenario, e.baseline, e.change.unit) for e in others]:
         return
-    parts = [_sound(r.effects, variant, scenario) for r in (first, second)]
-    parts = [part[part["status"] != "at_limit"] for part in parts]
+    tables = [r.pairs(variant, effect) for r in (first, second)]
+    parts = [part[~part["status"].isin(["failed", "at_limit"])] for part in tables]
     if any(part.empty for part in parts):
         return
-    for metric, unit in (("reduction_percent", "%"), ("marginal_cost", units[0])):
+    for metric, unit in (("reduction_percent", "%"), ("marginal_cost", effect.change.unit)):
         medians = [effect_quantile(_floats(part, metric), 0.5, unit) for part in parts]
         change = _effect_change(parts[0], parts[1], metric, unit) if paired else ()
-        yield Row(variant, scenario, metric, unit, medians[0], medians[1], unit, change)
+        yield Row(variant, effect.name, metric, unit, medians[0], medians[1], unit, change)
 
 
 def _interval_change(first: pd.DataFrame, second: pd.DataFrame) -> tuple[Estimate, ...]:

@@ -93,6 +93,8 @@ def _verdict(counted: Sequence[FormEffect], settled: int) -> tuple[Verdict, str]
     bounds = sum(effect.price.value is None for effect in counted)
     if bounds:
         return "no", f"the price is only a bound in {_of(bounds, n)}"
+    if n == 1 and not settled:
+        return "no", "the sign is open: fewer than 95 % of the sections agree"
     if 2 * settled < n:
         return "no", f"the sign is settled in {_of(settled, n)}"
     if n == 1:

@@ -15,6 +15,7 @@ from mcsettle.storage import manifest, store
 from mcsettle.storage.location import Folder, Place, Where, place
 from mcsettle.storage.manifest import MANIFEST, STUDY_FILE
 from mcsettle.storage.tables import input_column
+from mcsettle.study.effects import StudyEffect
 from mcsettle.study.former_keys import COST, former_cost
 from mcsettle.study.key_units import input_units
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
@@ -60,6 +61,14 @@ class Results:
         """Rows of ``realisations``, ``history`` or ``effects`` of one variant and scenario."""
         found = self._by_scenario[table].get((variant, scenario))
         return getattr(self, table).iloc[:0] if found is None else found
+
+    def pairs(self, variant: str, effect: StudyEffect) -> pd.DataFrame:
+        """Rows of ``effects`` of one variant and effect."""
+        found = self.part("effects", variant, effect.scenario)
+        several = sum(other.scenario == effect.scenario for other in self.study.effects.values())
+        if found.empty or several == 1:
+            return found
+        return found[found["baseline"] == effect.baseline]
 
     def of_variant(self, variant: str) -> pd.DataFrame:
         """Rows of ``realisations`` of one variant."""

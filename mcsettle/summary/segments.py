@@ -26,7 +26,7 @@ class SegmentRow:
 
     ``grounds`` run and ``failed``; ``known``: probability of the grounds that have results; ``days``
     and ``cost`` [currency/track-km, Eq. (4)] at ``LEVELS`` by weight (days are ``inf`` beyond the
-    horizon), ``mean_cost``, ``marginal`` mean against the baseline (NaN: none), each over the known
+    horizon), ``mean_cost``, ``marginal`` mean against its first baseline (NaN: none), each over the known
     share.
     """
 
@@ -83,7 +83,7 @@ def _weighted(study: Study, frame: pd.DataFrame, variant: str, scenario: str) ->
     frame["weight"] = np.array([ground.probability for ground in own]) / tracks
     censored = frame["status"] == "censored"
     frame["days"] = frame[INTERVAL].astype(float).where(~censored, np.inf)
-    priced = study.priced
+    priced = study.economics
     years = np.minimum(frame["days"].to_numpy(), study.limit.horizon_days) / DAYS_PER_YEAR
     cost = np.full(len(years), np.nan)
     if priced is not None:
@@ -97,10 +97,12 @@ def _weighted(study: Study, frame: pd.DataFrame, variant: str, scenario: str) ->
 def _marginal(
     study: Study, at: Where, frame: pd.DataFrame, variant: str, scenario: str
 ) -> np.ndarray:
-    if study.economics is None or study.change(scenario) is None:
+    baseline = next((e.baseline for e in study.effects.values() if e.scenario == scenario), None)
+    if baseline is None:
         return np.full(len(frame), np.nan)
     effects = store.read(place(at), "effects").to_pandas()
-    own = effects[(effects["variant"] == variant) & (effects["scenario"] == scenario)]
+    pair = (effects["scenario"] == scenario) & (effects["baseline"] == baseline)
+    own = effects[(effects["variant"] == variant) & pair]
     keys = ["parameter_set", "realisation"]
     joined = frame[keys].merge(own[[*keys, "marginal_cost"]], on=keys, how="left")
     return joined["marginal_cost"].to_numpy(float)

@@ -4,6 +4,7 @@ import numpy as np
 
 from mcsettle.estimate.estimate import Estimate, Statistic
 from mcsettle.estimate.sample import summarise_effects
+from mcsettle.study.effects import StudyEffect
 from mcsettle.summary.results import CENSORED, INTERVAL, Results
 from mcsettle.summary.summary import SummaryRow
 
@@ -30,18 +31,26 @@ def sign_rows(results: Results) -> list[SummaryRow]:
         return []
     rows = []
     for variant in results.study.variant_names:
-        for scenario in results.study.scenario_names:
-            own = table[(table["variant"] == variant) & (table["scenario"] == scenario)]
+        for effect in results.study.effects.values():
+            pair = (table["scenario"] == effect.scenario) & (table["baseline"] == effect.baseline)
+            own = table[(table["variant"] == variant) & pair]
             if own.empty:
                 continue
             for metric, column, unit in SIGNS:
                 values = own[column].to_numpy(dtype=float, na_value=np.nan)
                 found = tuple(summarise_effects(values, unit))
-                rows.append(SummaryRow(variant, scenario, metric, unit, found))
-            share = shortening(results, variant, scenario, str(own["baseline"].iloc[0]))
+                rows.append(_row(variant, effect, metric, unit, found))
+            share = shortening(results, variant, effect.scenario, effect.baseline)
             statistic = Statistic("share", None, share)
-            rows.append(SummaryRow(variant, scenario, SHORTENS, "1", (statistic,)))
+            rows.append(_row(variant, effect, SHORTENS, "1", (statistic,)))
     return rows
+
+
+def _row(
+    variant: str, effect: StudyEffect, metric: str, unit: str, found: tuple[Statistic, ...]
+) -> SummaryRow:
+    named = effect.scenario, metric, unit, found
+    return SummaryRow(variant, *named, effect=effect.name, baseline=effect.baseline)
 
 
 def shortening(results: Results, variant: str, scenario: str, baseline: str) -> Estimate:

@@ -19,6 +19,7 @@ from mcsettle.estimate.line_mean import line_means
 from mcsettle.estimate.total_index import total_order
 from mcsettle.estimate.variance import LEAST_SETS, first_order, spread_scores, variance_split
 from mcsettle.storage.tables import input_column
+from mcsettle.study.effects import StudyEffect
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.study import Study
 from mcsettle.summary.results import INTERVAL
@@ -45,7 +46,7 @@ def interval_spread(
 def effect_spread(
     study: Study,
     members: Sequence[ParameterSet],
-    scenario: str,
+    effect: StudyEffect,
     own: pd.DataFrame,
     effects: Mapping[str, CrossedSample],
 ) -> dict[str, list[Statistic]]:
@@ -53,11 +54,9 @@ def effect_spread(
 
     ``own`` are the rows of one variant, ``effects`` its paired effects by metric.
     """
-    change, prices = study.change(scenario), study.priced
-    if change is None or prices is None:
-        return {}
     base, other = (
-        matrix(own[own["scenario"] == name], INTERVAL) for name in (prices.baseline, scenario)
+        matrix(own[own["scenario"] == name], INTERVAL)
+        for name in (effect.baseline, effect.scenario)
     )
     statistics = {
         metric: list(_split(study, members, own, effects[metric]))
@@ -72,7 +71,7 @@ def effect_spread(
     missing = int(np.sum(np.isnan(cost.values)))
     cost = replace(cost, note="censored pairs left out" if missing else "")
     at_mean = Estimate(
-        _cost_at_mean(members, scenario, base, other, cost.shares[:, 0]),
+        _cost_at_mean(members, effect.name, base, other, cost.shares[:, 0]),
         *(None, None, None, cost.values.size - missing, missing, cost.unit, cost.note),
     )
     costs = statistics.setdefault("marginal_cost", [])
@@ -203,7 +202,7 @@ def _gain(first: np.ndarray, second: np.ndarray) -> float | None:
 
 def _cost_at_mean(
     members: Sequence[ParameterSet],
-    scenario: str,
+    effect: str,
     base: np.ndarray,
     other: np.ndarray,
     weights: np.ndarray,
@@ -211,7 +210,7 @@ def _cost_at_mean(
     """Marginal cost at the mean intervals of each parameter set, averaged with ``weights`` [E]."""
     costs, shares = [], []
     for e, (member, first, second) in enumerate(zip(members, base, other, strict=False)):
-        change, prices = member.study.change(scenario), member.study.priced
+        change, prices = member.study.change(effect), member.study.economics
         both = ~np.isnan(first) & ~np.isnan(second)
         if change is None or prices is None or not np.any(both):
             continue

@@ -20,6 +20,7 @@ from mcsettle.estimate.refit import refitted_weights
 from mcsettle.estimate.resampling import SetWeights, Weights, as_interval, plain_weights
 from mcsettle.estimate.weighted_quantiles import weighted_quantiles
 from mcsettle.storage.tables import input_column
+from mcsettle.study.effects import StudyEffect
 from mcsettle.study.schema.published import ReferenceTable
 from mcsettle.study.study import Study
 from mcsettle.summary.courses import courses
@@ -35,6 +36,7 @@ GROWTH = "sd_growth_1y_mm"
 class SummaryRow:
     """One metric of one scenario in one variant, and the published value beside it.
 
+    ``effect``, ``baseline``: name of the effect that the row is of, and what it is against; else empty.
     ``statistics``: P5, P50, P95 and a mean. ``reference_percent``: share of the realisations [%]
     below the published value, of those known; ``reference_range`` what it may be for any value of the
     others; both None without a published value. ``spread``: what
@@ -54,6 +56,13 @@ class SummaryRow:
     spread: tuple[Statistic, ...] = ()
     conditioned: tuple[Statistic, ...] = ()
     conditioned_percent: float | None = None
+    effect: str = ""
+    baseline: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of the effect, or of the scenario."""
+        return self.effect or self.scenario
 
     def at(self, level: float) -> Estimate:
         """The quantile at ``level`` (one of ``estimate.LEVELS``)."""
@@ -97,8 +106,10 @@ def _rows_of(
     days = sound[INTERVAL].fillna(np.inf)  # a censored one lies above any published value
     yield _with_reference(results, row, sound.assign(values=days), weights)
     yield from _growth_rows(results, variant, scenario, sound, weights)
-    yield from tonnage_rows(results, variant, scenario)
-    yield from _effect_rows(results, variant, scenario, weights)
+    for effect in results.study.effects.values():
+        if effect.scenario == scenario:
+            yield from tonnage_rows(results, variant, effect)
+            yield from _effect_rows(results, variant, effect, weights)
 
 
 def set_weights(results: Results, variant: str) -> SetWeights | None:
@@ -179,13 +190,13 @@ def _noted(growth: CrossedSample, note: str) -> tuple[Statistic, ...]:
     )
 
 
-def tonnage_rows(results: Results, variant: str, scenario: str) -> Iterator[SummaryRow]:
+def tonnage_rows(results: Results, variant: str, effect: StudyEffect) -> Iterator[SummaryRow]:
     """Increase of the tonnage [%] where a published one is given: known, so it has no error."""
-    metric, prices = "mgt_increase_percent", results.study.economics
-    published = _reference(results.study, metric, scenario)
-    if published is None or prices is None or scenario == prices.baseline:
+    metric = "mgt_increase_percent"
+    published = _reference(results.study, metric, effect.scenario, effect.baseline)
+    if published is None:
         return
-    changes = [m.study.change(scenario) for m in results.members]
+    changes = [m.study.change(effect.name) for m in results.members]
     grown = [100.0 * (c.changed / c.base - 1.0) for c in changes if c and c.effect == "tonnage"]
     if not grown:
         return
@@ -195,35 +206,35 @@ def tonnage_rows(results: Results, variant: str, scenario: str) -> Iterator[Summ
         Statistic("quantile", p, Estimate(float(v), float(v), float(v), 0.0, n, 0, "%", note))
         for p, v in zip(LEVELS, found, strict=True)
     )
-    yield SummaryRow(variant, scenario, metric, "%", rows, published)
+    row = SummaryRow(variant, effect.scenario, metric, "%", rows, published)
+    yield replace(row, effect=effect.name, baseline=effect.baseline)
 
 
 def _effect_rows(
-    results: Results, variant: str, scenario: str, weights: Weights
+    results: Results, variant: str, effect: StudyEffect, weights: Weights
 ) -> Iterator[SummaryRow]:
     """Paired effects against the baseline: reduction, elasticity, marginal cost."""
     if results.effects.empty:
         return
-    change = results.study.change(scenario)
-    table = results.part("effects", variant, scenario)
-    if table.empty or change is None:
+    scenario, table = effect.scenario, results.pairs(variant, effect)
+    if table.empty:
         return
     table = table[~table["status"].isin(["failed", "at_limit"])]
     if table.empty:
         return
     own = results.of_variant(variant)
-    units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": change.unit}
+    units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": effect.change.unit}
     samples = {
         metric: effect_sample(table, metric, unit, results.realisations)
         for metric, unit in units.items()
     }
 
     def spreads(effects: Mapping[str, CrossedSample]) -> dict[str, list[Statistic]]:
-        return effect_spread(results.study, results.members, scenario, own, effects)
+        return effect_spread(results.study, results.members, effect, own, effects)
 
     conditioned: dict[str, CrossedSample] = {}
     if weights is not None:
-        priced = as_interval(weights, cost_exponent(results.study, own))
+        priced = as_interval(weights, cost_exponent(results.study, own, effect.baseline))
         of_metric = {"marginal_cost": priced}
         conditioned = {m: s.weighted(of_metric.get(m, weights)) for m, s in samples.items()}
     spread, given = spreads(samples), spreads(conditioned) if conditioned else {}
@@ -231,6 +242,8 @@ def _effect_rows(
         row = SummaryRow(
             *(variant, scenario, metric, sample.unit, tuple(sample.effect_statistics())),
             spread=tuple(spread.get(metric, ())),
+            effect=effect.name,
+            baseline=effect.baseline,
         )
         if conditioned:
             statistics = [*conditioned[metric].effect_statistics(), *given.get(metric, ())]
@@ -238,12 +251,12 @@ def _effect_rows(
         yield _with_reference(results, row, table.assign(values=table[metric]), weights)
 
 
-def cost_exponent(study: Study, own: pd.DataFrame) -> float:
+def cost_exponent(study: Study, own: pd.DataFrame, baseline: str) -> float:
     """The power of the intervals that marginal costs go as, at the median interval of the baseline."""
-    prices = study.priced
+    prices = study.economics
     if prices is None:
         return 0.0
-    days = own.loc[own["scenario"] == prices.baseline, INTERVAL].median()
+    days = own.loc[own["scenario"] == baseline, INTERVAL].median()
     if not np.isfinite(days):
         return 0.0
     return economics.cost_exponent(prices.discount_rate, float(days) / DAYS_PER_YEAR)
@@ -257,7 +270,7 @@ def _with_reference(
     Growth to the limit and beyond lies above a published growth below it; of a censored pair's effect
     nothing is known, and the share is of the others.
     """
-    published = _reference(results.study, row.metric, row.scenario)
+    published = _reference(results.study, row.metric, row.scenario, row.baseline)
     row = replace(row, reference=published)
     if published is None:
         return row
@@ -284,6 +297,8 @@ def _with_reference(
     return replace(row, conditioned_percent=100.0 * float(own @ below / np.sum(own)))
 
 
-def _reference(study: Study, metric: str, scenario: str) -> ReferenceTable | None:
+def _reference(
+    study: Study, metric: str, scenario: str, baseline: str = ""
+) -> ReferenceTable | None:
     rows = (r for r in study.reference if r.metric == metric and r.scenario == scenario)
-    return next(rows, None)
+    return next((r for r in rows if r.baseline in (None, baseline)), None)

@@ -41,8 +41,8 @@ def made(folder: Path, study: Study, censored: bool = False) -> Path:
 def test_first_screen_names_what_a_price_needs(path: Path, tmp_path: Path) -> None:
     study = load_study(path).with_run(realisations=TRACKS)
     text = first_screen(made(tmp_path / "run", study))
-    assert "GBP" in text
-    assert re.search(r"(pence|£[\d.]+) per (1000 gross tonne|train)-km", text)
+    assert study.currency in text
+    assert re.search(r"(pence|cents|[£€][\d.]+) per (1000 gross tonne|train)-km", text)
     # A price with its 95 % interval, the range over the forms or that there is one, and its worth.
     assert "line mean (95 %)" in text
     assert re.search(r"−?[\d.]+ \(−?[\d.]+ to −?[\d.]+\)", text)

@@ -77,7 +77,6 @@ def test_values_reach_the_model():
     assert (own.ballast_cycles_before, own.subgrade_cycles_before) == (5e5, n0)
     assert member.study.trains["passenger"].cars[0].axle_load == pytest.approx(1e3 * load)
     assert member.study.mgt_per_day("v201") == pytest.approx(12 * load * 72 / 1e6)
-    assert member.study.priced.mgt_per_day == pytest.approx(12 * load * 72 / 1e6)
     assert member.study.economics.discount_rate == member.values[RATE["input"]]
     assert not member.study.uncertain
 

@@ -7,6 +7,7 @@ from typing import Any
 from mcsettle.study.checks.parts import Parts
 from mcsettle.study.faults import Fault, dotted, shown, suggestion
 from mcsettle.study.key_paths import steps_to
+from mcsettle.study.schema.published import EFFECT_METRICS, ReferenceTable
 from mcsettle.study.schema.traffic import ScenarioTable
 from mcsettle.study.schema.variants import VariantTable
 
@@ -22,7 +23,15 @@ def name_faults(parts: Parts) -> Iterator[Fault]:
     for index, row in parts.reference.items():
         path = dotted(("reference", index, "scenario"))
         yield from _unknown(path, "scenario", row.scenario, parts.scenario_names)
-    if parts.economics is not None:
+        yield from _baseline_of_reference(parts, index, row)
+    for index, effect in parts.effects.items():
+        for key in ("scenario", "baseline"):
+            path, name = dotted(("effects", index, key)), getattr(effect, key)
+            yield from _unknown(path, "scenario", name, parts.scenario_names)
+        if effect.train is not None:
+            path = dotted(("effects", index, "train"))
+            yield from _unknown(path, "train", effect.train, parts.train_names)
+    if parts.economics is not None and parts.economics.baseline is not None:
         name = parts.economics.baseline
         yield from _unknown("economics.baseline", "scenario", name, parts.scenario_names)
     if parts.calibration is not None and not parts.calibration.study:
@@ -31,6 +40,16 @@ def name_faults(parts: Parts) -> Iterator[Fault]:
         if parts.calibration.variant is not None:
             name = parts.calibration.variant
             yield from _unknown("calibration.variant", "variant", name, parts.variant_names)
+
+
+def _baseline_of_reference(parts: Parts, index: int, row: ReferenceTable) -> Iterator[Fault]:
+    """A published effect of a scenario with several baselines says which one it is against."""
+    baselines = [e.baseline for e in parts.effects.values() if e.scenario == row.scenario]
+    path = dotted(("reference", index, "baseline"))
+    if row.baseline is not None and baselines and row.baseline not in baselines:
+        yield from _unknown(path, f"baseline of '{row.scenario}'", row.baseline, baselines)
+    elif row.baseline is None and len(baselines) > 1 and row.metric in EFFECT_METRICS:
+        yield Fault(path, f"is missing: '{row.scenario}' is compared with {', '.join(baselines)}")
 
 
 def source_faults(data: Mapping[str, Any], paths: Iterable[str]) -> Iterator[Fault]:

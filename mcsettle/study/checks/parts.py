@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mcsettle.study.schema.base import Table
-from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
+from mcsettle.study.schema.economics import EconomicsTable, EffectTable, MaintenanceTable
 from mcsettle.study.schema.grounds import GroundsTable
 from mcsettle.study.schema.profile import ProfileTable
 from mcsettle.study.schema.published import CalibrationTable, ReferenceTable
@@ -35,6 +35,7 @@ _MANY: Mapping[str, type[Table]] = {
     "scenarios": ScenarioTable,
     "variants": VariantTable,
     "reference": ReferenceTable,
+    "effects": EffectTable,
 }
 
 
@@ -60,6 +61,8 @@ class Parts:
     scenarios: Mapping[int, ScenarioTable] = field(default_factory=dict)
     variants: Mapping[int, VariantTable] = field(default_factory=dict)
     reference: Mapping[int, ReferenceTable] = field(default_factory=dict)
+    effects: Mapping[int, EffectTable] = field(default_factory=dict)
+    has_economics: bool = False  # valid or not
 
 
 def parts_of(study: StudyTables) -> Parts:
@@ -83,6 +86,8 @@ def parts_of(study: StudyTables) -> Parts:
         scenarios=dict(enumerate(study.scenarios)),
         variants=dict(enumerate(study.variants)),
         reference=dict(enumerate(study.reference)),
+        effects=dict(enumerate(study.effect_tables)),
+        has_economics=study.economics is not None,
     )
 
 
@@ -101,6 +106,7 @@ def valid_parts(data: Mapping[str, Any], faulty: set[tuple[Any, ...]]) -> Parts:
             for key, entry in entries[name].items()
             if not {(name,), (name, key)} & faulty
         }
+    valid["has_economics"] = data.get("economics") is not None
     valid["train_names"] = tuple(entries["trains"])
     for kind in ("scenario", "variant"):
         tables = [t for t in entries[f"{kind}s"].values() if isinstance(t, Mapping)]

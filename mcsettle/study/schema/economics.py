@@ -15,18 +15,40 @@ from mcsettle.study.schema.quantities import (
     quantity,
 )
 
+EffectKind = Literal["speed", "tonnage"]
+TrainsAYear = Annotated[Positive, in_plain("1000/year")]
+Tonnage = Annotated[Positive, in_plain("MGT/d")]
+
+
+class EffectTable(Table):
+    """``[[effects]]``: one scenario against one baseline, and what changes between them.
+
+    ``train`` is the one whose speed changes, or that is added.
+    """
+
+    scenario: Name
+    baseline: Name
+    effect: EffectKind
+    train: Name | None = None
+    base_speed_kmh: Speed | None = None
+    trains_thousand_per_year: TrainsAYear | None = None
+    mgt_per_day: Tonnage | None = None
+
 
 class EconomicsTable(Table):
-    """``[economics]``: what is compared with what, and at which cost (Eqs 4–9)."""
+    """``[economics]``: what a tamping costs, and what is compared with what (Eqs 4–9).
 
-    effect: Literal["speed", "tonnage"]
-    baseline: Name
+    ``effect`` and ``baseline`` are short for ``[[effects]]`` of every other scenario.
+    """
+
+    effect: EffectKind | None = None
+    baseline: Name | None = None
     currency: Currency = "GBP"
     tamping_cost_per_track_km: Annotated[Positive, in_plain("currency/track-km")] = 5625.0
     discount_rate: Annotated[float, PerCent, Field(ge=0, lt=1)] = 0.035
     base_speed_kmh: Speed | None = None
-    trains_thousand_per_year: Annotated[Positive, in_plain("1000/year")] | None = None
-    mgt_per_day: Annotated[Positive, in_plain("MGT/d")] | None = None
+    trains_thousand_per_year: TrainsAYear | None = None
+    mgt_per_day: Tonnage | None = None
     price_base_year: Annotated[int, Field(ge=1900, le=2200)] | None = None
 
 

@@ -18,15 +18,18 @@ METRICS = Literal[
     "dynamic_stress_increase_percent",
 ]
 
+EFFECT_METRICS = ("reduction_percent", "elasticity", "marginal_cost", "mgt_increase_percent")
+
 
 class ReferenceTable(Table):
     """``[[reference]]``: a published value to print beside the study's own.
 
-    ``note`` says why the two differ.
+    ``note`` says why the two differ; ``baseline``: of an effect, where the scenario has several.
     """
 
     metric: METRICS
     scenario: Name
+    baseline: Name | None = None
     value: float
     unit: Text
     source: Text

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field
 
 from mcsettle.study.schema.base import FileName, KeyPath, Name, Table, Text
-from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
+from mcsettle.study.schema.economics import EconomicsTable, EffectTable, MaintenanceTable
 from mcsettle.study.schema.grounds import GroundsTable
 from mcsettle.study.schema.line import LineTable
 from mcsettle.study.schema.observed import ObservedTable
@@ -40,6 +40,9 @@ class StudyTables(Table):
     run: RunTable = RunTable()
     step_a_table: StepATable | None = Field(default=None, alias="step_a")
     economics: EconomicsTable | None = None
+    effect_tables: Annotated[tuple[EffectTable, ...], Field(max_length=1000)] = Field(
+        default=(), alias="effects"
+    )
     maintenance: MaintenanceTable | None = None
     train_tables: dict[Name, TrainTable] = Field(alias="trains", min_length=1, max_length=50)
     vehicle_tables: dict[Name, VehicleTable] = Field(default={}, alias="vehicles", max_length=100)
