@@ -31,6 +31,9 @@ class RecordOptions(TypedDict):
     ]
     second_level_column: Annotated[str | None, Option(help="Level of the other rail.")]
     rails: Annotated[str | None, Option(help="Of two rails: mean or worse.")]
+    spacing_m: Annotated[
+        float | None, Option("--spacing", help="No chainage column: distance of the rows (m).")
+    ]
     chainage_unit: Annotated[
         str | None, Option(help="m, km, ft, yd, mi, km+m, km.m, mi.yd or mi.ch.")
     ]

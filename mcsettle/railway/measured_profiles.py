@@ -16,11 +16,12 @@ import numpy as np
 from mcsettle.errors import InputError
 from mcsettle.railway.filters import Band, versine_loss
 from mcsettle.railway.irregularity import random_amplitudes
-from mcsettle.railway.read_record import RecordFormat, read_record
+from mcsettle.railway.read_record import RecordFormat, read_runs
 from mcsettle.railway.record import Run, chosen_run
-from mcsettle.railway.record_findings import Finding, findings, repaired
+from mcsettle.railway.record_findings import Finding, findings, repaired, to_repair
 from mcsettle.railway.record_sections import Sections, cut, worse_rail
 from mcsettle.railway.spectra import fra
+from mcsettle.railway.text_files import refused
 
 _NOISE_STREAM = 0x4E015E  # keeps the noise apart from the phases
 _PHASE_STREAM = 0x9A5E
@@ -69,15 +70,41 @@ def prepared(choice: RecordChoice, window: float, wavenumbers: np.ndarray) -> Re
 
 @lru_cache(maxsize=4)
 def _prepared(choice: RecordChoice, window: float, wavenumbers: tuple[float, ...]) -> Record:
-    run = chosen_run(read_record(choice.path, choice.layout), choice.run)
+    run, valid = read_and_repaired(choice)
     found = tuple(findings(run))
-    valid = repaired(run, choice.repair, choice.longest_gap)
-    modes, chord = np.array(wavenumbers), choice.layout.versine_chord_m
-    sections = cut(valid, window, modes, choice.band, chord)
-    if valid.other_rail is not None:
-        other = replace(valid, level=valid.other_rail)
-        sections = worse_rail(sections, cut(other, window, modes, choice.band, chord))
+    sections = sections_of(valid, window, np.array(wavenumbers), choice)
     return Record(run, found, sections, tuple(_remarks(sections, window, choice)))
+
+
+def sections_of(run: Run, window: float, wavenumbers: np.ndarray, choice: RecordChoice) -> Sections:
+    """Sections of a repaired ``run``; of two rails the worse one, section by section."""
+    chord = choice.layout.versine_chord_m
+    sections = cut(run, window, wavenumbers, choice.band, chord)
+    if run.other_rail is None:
+        return sections
+    other = replace(run, level=run.other_rail)
+    return worse_rail(sections, cut(other, window, wavenumbers, choice.band, chord))
+
+
+def read_and_repaired(choice: RecordChoice) -> tuple[Run, Run]:
+    """The run of ``choice`` as it is in the file, and repaired.
+
+    Raises
+    ------
+    InputError
+        Lists the faults of the file and what has to be repaired in the rows that can be read.
+    """
+    runs, faults = read_runs(choice.path, choice.layout)
+    if faults:
+        if runs:
+            try:
+                unrepaired = to_repair(chosen_run(runs, choice.run), choice.repair)
+            except InputError as error:
+                unrepaired = str(error)
+            faults += [] if unrepaired is None else [f"as far as it can be read, {unrepaired}"]
+        raise refused(choice.path, faults)
+    run = chosen_run(runs, choice.run)
+    return run, repaired(run, choice.repair, choice.longest_gap)
 
 
 def _remarks(sections: Sections, window: float, choice: RecordChoice) -> Iterator[str]:

@@ -44,6 +44,8 @@ class RecordFormat:
     ``second_level_column`` is the other rail's, ``rails`` what is made of both. ``run_column`` names
     the run of each row, or with ``dates`` (iso, day_first, month_first) its date; ``positive`` says
     where a positive level lies. ``versine_chord_m``: the levels are offsets from the middle of a chord.
+    ``spacing_m``: there is no column of chainage, each run begins at ``start_m`` and its rows lie so far
+    apart.
     """
 
     chainage_column: str = "chainage_m"
@@ -64,6 +66,8 @@ class RecordFormat:
     skip_after_heading: int | None = None
     dates: str | None = None
     versine_chord_m: float | None = None
+    spacing_m: float | None = None
+    start_m: float | None = None
 
     @property
     def number_format(self) -> NumberFormat:
@@ -80,14 +84,21 @@ class RecordFormat:
             "second_level_column",
             "run_column",
         )
-        return {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
+        read = keys if self.spacing_m is None else keys[1:]
+        return {key: getattr(self, key) for key in read if getattr(self, key) is not None}
 
     def units(self) -> tuple[str, str, list[str]]:
         """Unit or notation of the chainage, unit of the level, and every fault of what says them."""
         faults: list[str] = []
-        along = _unit(
-            "chainage", self.chainage_column, self.chainage_unit, NOTATION_OR_UNIT, faults
-        )
+        along = "m"
+        if self.spacing_m is None:
+            along = _unit(
+                "chainage", self.chainage_column, self.chainage_unit, NOTATION_OR_UNIT, faults
+            )
+        elif self.chainage_unit is not None or self.offset_column is not None:
+            faults.append(
+                "spacing_m stands for a column of chainage: leave out chainage_unit and offset_column"
+            )
         level = _unit("level", self.level_column, self.level_unit, tuple(LEVEL_UNITS), faults)
         if self.offset_column is not None and along and along not in NOTATIONS:
             faults.append(
@@ -175,6 +186,23 @@ def read_record(path: Path, layout: RecordFormat) -> tuple[Run, ...]:
         The file cannot be read as ``layout`` says, is too large, or has fewer than ten points; all
         faults that one pass can see are listed.
     """
+    runs, faults = read_runs(path, layout)
+    if faults:
+        raise refused(path, faults)
+    return runs
+
+
+def read_runs(path: Path, layout: RecordFormat) -> tuple[tuple[Run, ...], list[str]]:
+    """The runs of the record at ``path``, and every fault of the file.
+
+    Beside faults of cells the runs have the rows that can be read, to look for what else is wrong with
+    them; where units or positions are not known there are none.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read at all.
+    """
     along, level, faults = layout.units()
     try:
         if not path.is_file():
@@ -190,17 +218,17 @@ def read_record(path: Path, layout: RecordFormat) -> tuple[Run, ...]:
         raise InputError(f"{path} cannot be read: {error}") from None
     reading = _Reading(cells, layout, [*cells.faults, *faults])
     if not set(layout.columns.values()) <= set(cells.columns):
-        raise refused(path, reading.faults)
+        return (), reading.faults
     runs = _runs(reading, along or "m", level or "m")
-    if reading.faults:
-        raise refused(path, reading.faults)
-    return runs
+    return (() if faults else runs), reading.faults
 
 
 def _runs(reading: _Reading, along: str, unit: str) -> tuple[Run, ...]:
     """The runs of a file; its faults gather in ``reading``."""
     layout = reading.layout
-    chainage = reading.chainage(along)
+    n_faults = len(reading.faults)
+    chainage = None if layout.spacing_m is not None else reading.chainage(along)
+    placed = len(reading.faults) == n_faults
     factor = LEVEL_UNITS[unit] * (1.0 if layout.positive == "down" else -1.0)
     level = reading.numbers(layout.level_column) * factor
     other = None
@@ -208,8 +236,11 @@ def _runs(reading: _Reading, along: str, unit: str) -> tuple[Run, ...]:
         other = reading.numbers(layout.second_level_column) * factor
         if layout.rails == "mean":
             level, other = 0.5 * (level + other), None
+    n_faults = len(reading.faults)
     names = reading.names()
-    if reading.faults:
+    if chainage is None:
+        chainage = _spaced(names, len(level), layout)
+    if not placed or len(reading.faults) > n_faults:
         return ()
     read = np.isfinite(chainage) & np.isfinite(level)
     if other is not None:
@@ -220,11 +251,24 @@ def _runs(reading: _Reading, along: str, unit: str) -> tuple[Run, ...]:
         kept = rows & read
         if np.sum(kept) < LEAST_POINTS:
             which = f"run '{name}' has " if name else ""
-            reading.faults.append(f"{which}{int(np.sum(kept))} points; a run needs at least ten")
+            if not reading.faults:
+                reading.faults.append(
+                    f"{which}{int(np.sum(kept))} points; a run needs at least ten"
+                )
+            return ()
         missing = int(np.sum(rows & ~read))
         second = None if other is None else other[kept]
         runs.append(Run(str(name), chainage[kept], level[kept], missing, second))
     return tuple(runs)
+
+
+def _spaced(names: np.ndarray | None, n: int, layout: RecordFormat) -> np.ndarray:
+    """Chainage [N] m of rows that lie ``spacing_m`` apart, each run from ``start_m`` on."""
+    row = np.arange(n)
+    for name in dict.fromkeys(names) if names is not None else ():
+        own = names == name
+        row[own] = np.arange(int(np.sum(own)))
+    return np.asarray((layout.start_m or 0.0) + (layout.spacing_m or 0.0) * row)
 
 
 def _unit(

@@ -89,6 +89,19 @@ def findings(run: Run) -> list[Finding]:
     return found
 
 
+def to_repair(run: Run, kinds: Sequence[str]) -> str | None:
+    """What has to be repaired in ``run`` beside the findings ``kinds``, in words; None: nothing."""
+    allowed = {*kinds, "spikes", *(("short_kilometres",) if "gaps" in kinds else ())}
+    left = [f for f in findings(run) if f.kind not in allowed]
+    if not left:
+        return None
+    said = "; ".join(f"{f.kind}: {f.text}" for f in left)
+    return (
+        f"the record{_named(run)} has {said}. Repair the file, or say which to repair: "
+        f"repair = [{', '.join(repr(f.kind) for f in left)}]"
+    )
+
+
 def spike_places(level: np.ndarray, gaps: np.ndarray | None = None) -> np.ndarray:
     """Places of single points far off both of their neighbours.
 
@@ -123,14 +136,9 @@ def repaired(run: Run, kinds: Sequence[str], longest_gap: float) -> Run:
         A finding that is not among ``kinds`` (all are named), or a longer gap. Spikes alone are let
         pass: they are reported, and stay.
     """
-    allowed = {*kinds, "spikes", *(("short_kilometres",) if "gaps" in kinds else ())}
-    left = [f for f in findings(run) if f.kind not in allowed]
-    if left:
-        said = "; ".join(f"{f.kind}: {f.text}" for f in left)
-        raise InputError(
-            f"the record{_named(run)} has {said}. Repair the file, or say which to repair: "
-            f"repair = [{', '.join(repr(f.kind) for f in left)}]"
-        )
+    unrepaired = to_repair(run, kinds)
+    if unrepaired is not None:
+        raise InputError(unrepaired)
     run = _readings(run, _implausible(run) | _constant(run))
     run = _rising(_travelled(run, _seams(run)))
     if "short_kilometres" in kinds:

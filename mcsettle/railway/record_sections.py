@@ -50,6 +50,11 @@ class Sections:
     level: np.ndarray
     passed: np.ndarray
 
+    @property
+    def begins(self) -> np.ndarray:
+        """Where the sections [S] begin by the distance travelled, m."""
+        return np.asarray(self.chainage[self.starts])
+
 
 def resampled(run: Run, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Chainage and level [N] m of a repaired ``run`` at equal steps [m].

@@ -10,11 +10,9 @@ import pandas as pd
 from mcsettle.errors import InputError
 from mcsettle.railway.dates import date_of
 from mcsettle.railway.line_history import LineHistory, detected_tampings, sd_error_of
-from mcsettle.railway.measured_profiles import RecordChoice
-from mcsettle.railway.read_record import read_record
-from mcsettle.railway.record import Run, chosen_run
-from mcsettle.railway.record_findings import repaired
-from mcsettle.railway.record_sections import Sections, cut
+from mcsettle.railway.measured_profiles import RecordChoice, read_and_repaired, sections_of
+from mcsettle.railway.record import Run
+from mcsettle.railway.record_sections import Sections
 from mcsettle.railway.run_alignment import aligned
 from mcsettle.study.build import build_record
 from mcsettle.study.input_files import digest_of
@@ -121,12 +119,20 @@ def _from_sds(study: "Study", table: LineTable, name: str) -> tuple[_Runs, list[
 
 def _from_records(study: "Study", table: LineTable) -> tuple[_Runs, list[str]]:
     """Sections of dated records of the level, on the chainage of the last one."""
-    *earlier, newest = sorted(table.runs, key=lambda run: run.date)
-    reference, choice = _run(study, table, newest)
+    entries = sorted(table.runs, key=lambda run: run.date)
+    read, faults = [], []
+    for entry in entries:
+        try:
+            read.append(_run(study, table, entry))
+        except InputError as error:
+            faults.append(f"line.runs, '{entry.file}' of {entry.date}: {error}")
+    if faults:
+        raise InputError("\n".join(faults))
+    *earlier, newest = entries
+    reference, choice = read[-1]
     last = _cut(study, reference, choice)
     remarks, sections = [], []
-    for entry in earlier:
-        run, choice = _run(study, table, entry)
+    for entry, (run, choice) in zip(earlier, read, strict=False):
         if table.align_within_m > 0.0:
             try:
                 alignment = aligned(reference, run, choice.band, table.align_within_m)
@@ -134,11 +140,11 @@ def _from_records(study: "Study", table: LineTable) -> tuple[_Runs, list[str]]:
                 remarks.append(f"run of {entry.date} {alignment.text}")
             except InputError as error:
                 remarks.append(f"run of {entry.date} is left as recorded: {error}")
-        trimmed = _on_grid(run, float(last.chainage_from[0]), study.profile.window_m)
+        trimmed = _on_grid(run, float(last.begins[0]), study.profile.window_m)
         sections.append(_cut(study, trimmed, choice))
     sds, amplitudes = [], []
     for part in (*sections, last):
-        at = np.rint((last.chainage_from - part.chainage_from[0]) / study.profile.window_m)
+        at = np.rint((last.begins - part.begins[0]) / study.profile.window_m)
         covered = (at >= 0) & (at < len(part.sd))
         index = np.where(covered, at, 0).astype(int)
         sds.append(np.where(covered, part.sd[index], np.nan))
@@ -159,16 +165,11 @@ def _run(study: "Study", table: LineTable, entry: LineRunTable) -> tuple[Run, Re
     record = table.record.model_copy(update={"run": entry.run or table.record.run})
     profile = study.profile.model_copy(update={"file": entry.file, "record": record})
     choice = build_record(profile, path, digest_of(path, None))
-    try:
-        run = chosen_run(read_record(path, choice.layout), choice.run)
-        return repaired(run, choice.repair, choice.longest_gap), choice
-    except InputError as error:
-        raise InputError(f"line.runs, '{entry.file}' of {entry.date}: {error}") from None
+    return read_and_repaired(choice)[1], choice
 
 
 def _cut(study: "Study", run: Run, choice: RecordChoice) -> Sections:
-    chord = choice.layout.versine_chord_m
-    return cut(run, study.profile.window_m, study.wavenumbers, choice.band, chord)
+    return sections_of(run, study.profile.window_m, study.wavenumbers, choice)
 
 
 def _on_grid(run: Run, origin: float, window: float) -> Run:

@@ -15,9 +15,10 @@ import pandas as pd
 from mcsettle import economics
 from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import Estimate, Statistic
-from mcsettle.estimate.line_mean import line_means
+from mcsettle.estimate.line_mean import LENGTHS_KM, line_means
 from mcsettle.estimate.total_index import total_order
 from mcsettle.estimate.variance import LEAST_SETS, first_order, spread_scores, variance_split
+from mcsettle.railway.measured_profiles import Record
 from mcsettle.storage.tables import input_column
 from mcsettle.study.effects import StudyEffect
 from mcsettle.study.parameter_sets import ParameterSet
@@ -157,8 +158,17 @@ def _totals(
 
 def _lines(study: Study, sample: CrossedSample) -> list[Statistic]:
     """Mean over lines of several lengths, with its quantiles."""
-    lines = line_means(sample, study.profile.window_m)
+    lines = line_means(sample, study.profile.window_m, line_lengths(study.record()))
     return [statistic for line in lines for statistic in line.statistics]
+
+
+def line_lengths(record: Record | None) -> tuple[float, ...]:
+    """Lengths [km] of the lines looked at: of a measured line none is longer than itself."""
+    if record is None:
+        return LENGTHS_KM
+    parts = record.sections
+    own = float(f"{1e-3 * (parts.ends - parts.starts).sum() * parts.step:.3g}")
+    return (*(length for length in LENGTHS_KM if length < own), own)
 
 
 def _pairing(base: np.ndarray, other: np.ndarray) -> list[Statistic]:

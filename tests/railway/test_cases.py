@@ -419,6 +419,37 @@ def test_unpadded_metres_behind_the_point(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[1:5], truth()[1:5], rtol=0.03)
 
 
+def test_rows_at_equal_distances_without_a_chainage(tmp_path: Path) -> None:
+    cells = [f"{z:.4f}" for z in MM]
+    cells[1500:1504] = ["n/a"] * 4
+    path = file(tmp_path / "a.csv", "level_mm", cells)
+    with pytest.raises(InputError, match="no column 'chainage_m'"):
+        record(path)
+    said = {"spacing_m": STEP, "missing_values": ("n/a",)}
+    found = record(path, ("missing", "gaps"), start_m=7000.0, **said)
+    assert found.sections.chainage_from.tolist() == [7000 + 200 * i for i in range(6)]
+    np.testing.assert_allclose(found.sections.sd, truth(), rtol=0.03)
+    with pytest.raises(InputError, match="leave out chainage_unit"):
+        record(path, chainage_unit="m", **said)
+
+
+def test_faults_of_cells_and_of_the_track_are_in_one_refusal(tmp_path: Path) -> None:
+    """Words where nothing was read, and a long kilometre behind them."""
+    rows = [f"{x if x < 900 else x - 80},{z:.4f}" for x, z in zip(X, MM, strict=True)]
+    rows[200] = f"{X[200]},bad"
+    path = file(tmp_path / "a.csv", "chainage_m,level_mm", rows)
+    with pytest.raises(InputError) as caught:
+        record(path)
+    text = str(caught.value)
+    assert "2 faults" in text
+    for said in ("'bad'", "as far as it can be read", "missing: 1 rows", "steps: 1 steps back"):
+        assert said in text
+    assert "repair = ['missing', 'steps', 'gaps']" in text
+    np.testing.assert_allclose(
+        sds(path, "missing", "steps", "gaps", missing_values=("bad",)), truth(), rtol=0.03
+    )
+
+
 # --- what was measured -----------------------------------------------------------------------------
 
 

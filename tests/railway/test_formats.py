@@ -10,6 +10,7 @@ import pytest
 import toy
 
 from mcsettle.study.study import Study
+from mcsettle.summary.spread import line_lengths
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES = Path(__file__).parent / "cases"
@@ -26,11 +27,21 @@ RIGHT = {
 }
 
 
-def record_of(name: str) -> Any:
+def study_of(name: str) -> Study:
     data = toy.study().model_dump(by_alias=True, exclude_none=True)
     band = {"longest_m": 25.0} if "already_filtered" in BLOCKS[name] else {}
     data["profile"] = {"file": name, "record": BLOCKS[name], **band}
-    return Study.from_mapping(data | {"limit": {"sd_limit_mm": 50.0}}, folder=CASES).record()
+    return Study.from_mapping(data | {"limit": {"sd_limit_mm": 50.0}}, folder=CASES)
+
+
+def record_of(name: str) -> Any:
+    return study_of(name).record()
+
+
+def test_a_measured_line_is_as_long_as_it_is() -> None:
+    assert line_lengths(record_of("track_alignment.csv")) == (0.2, 1.0)
+    assert line_lengths(record_of("miles_yards.csv")) == (0.2, 0.274)
+    assert line_lengths(None) == (0.2, 1.0, 10.0, 100.0)
 
 
 def test_every_file_has_its_block_and_its_right_answer() -> None:

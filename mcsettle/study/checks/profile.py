@@ -65,6 +65,13 @@ def _record(profile: ProfileTable) -> Iterator[Fault]:
             if getattr(record, key) != RecordTable.model_fields[key].default:
                 said = "has no meaning for a record that is already_filtered; leave it out"
                 yield Fault(f"profile.record.{key}", said)
+    if record.spacing_m is not None:
+        for key in ("chainage_unit", "offset_column"):
+            if getattr(record, key) is not None:
+                said = "has no meaning beside spacing_m, rows that lie so far apart; leave one out"
+                yield Fault(f"profile.record.{key}", said)
+    elif record.start_m is not None:
+        yield Fault("profile.record.start_m", "is where rows at equal distances begin: spacing_m")
     if record.dates is not None and record.run_column is None:
         yield Fault("profile.record.dates", "says how dates are written; say where: run_column")
     if record.run is not None and record.run_column is None:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mcsettle.study.schema.base import Column, FileName, Spectrum, Table
-from mcsettle.study.schema.quantities import Metres, Millimetres
+from mcsettle.study.schema.quantities import Metres, Millimetres, in_plain
 from mcsettle.units import MM
 
 Mark = Annotated[str, Field(min_length=1, max_length=40)]  # what stands where nothing was read
@@ -52,6 +52,8 @@ class RecordTable(Table):
     longest_gap_m: Annotated[Metres, Field(le=100)] = 5.0
     already_filtered: Literal["en13848_d1"] | None = None
     versine_chord_m: Annotated[Metres, Field(ge=1, le=100)] | None = None
+    spacing_m: Annotated[Metres, Field(ge=0.001, le=50)] | None = None
+    start_m: Annotated[float, in_plain("m"), Field(ge=-1e7, le=1e7)] | None = None
     filter: Literal["ideal", "butterworth", "en13848_d1"] = "ideal"
     filter_order: Annotated[int, Field(ge=1, le=12)] = 4
     ensemble: Literal["section", "phases", "sections"] = "section"
