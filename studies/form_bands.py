@@ -18,10 +18,10 @@ import matplotlib.pyplot as plt
 COLOURS = ("#1f5a94", "#c25a2b", "#4c8c4a")
 
 
-def reductions(results: Results, form: str, scenario: str) -> np.ndarray:
-    """Reductions of the interval [%] of one form and scenario, of the pairs that are known."""
+def known(results: Results, form: str, scenario: str, metric: str) -> np.ndarray:
+    """Column ``metric`` of the effects of one form and scenario, of the pairs that are known."""
     table = results.part("effects", form, scenario)
-    return table["reduction_percent"].dropna().to_numpy(dtype=float)
+    return table[metric].dropna().to_numpy(dtype=float)
 
 
 def band(values: np.ndarray) -> np.ndarray:
@@ -29,13 +29,13 @@ def band(values: np.ndarray) -> np.ndarray:
     return np.quantile(values, (0.05, 0.5, 0.95)) if len(values) else np.full(3, np.nan)
 
 
-def published(results: Results, scenario: str) -> float | None:
-    """The paper's reduction [%]."""
+def published(results: Results, scenario: str, metric: str) -> float | None:
+    """The paper's value."""
     return next(
         (
             entry.value
             for entry in results.study.reference
-            if (entry.metric, entry.scenario) == ("reduction_percent", scenario)
+            if (entry.metric, entry.scenario) == (metric, scenario)
         ),
         None,
     )
@@ -53,7 +53,7 @@ def rows(results: Results, found: Answers, scenarios: list[str]) -> list[str]:
         cells = [f"`{form}`", f"{factor:.4g}", settled, "" if days is None else f"{days:.0f}"]
         for scenario in scenarios:
             effect = found.effects[form, scenario]
-            low, middle, high = band(reductions(results, form, scenario))
+            low, middle, high = band(known(results, form, scenario, "reduction_percent"))
             price = effect.price
             cost = "bound only" if price.value is None else f"{price.value:.3f}"
             if price.value is not None and price.lower is not None and price.upper is not None:
@@ -63,24 +63,30 @@ def rows(results: Results, found: Answers, scenarios: list[str]) -> list[str]:
     return lines
 
 
-def picture(results: Results, found: Answers, scenarios: list[str], path: Path) -> None:
+def picture(
+    results: Results, found: Answers, scenarios: list[str], metric: str, path: Path
+) -> None:
     """Bands from P5 to P95 and medians of every form, the published values as vertical lines."""
     height = 1.3 + 0.42 * len(found.forms)
     figure, axes = plt.subplots(figsize=(8.0, height), layout="constrained")
     offsets = np.linspace(-0.16, 0.16, len(scenarios))
     for scenario, offset, colour in zip(scenarios, offsets, COLOURS, strict=False):
-        bands = np.array([band(reductions(results, f, scenario)) for f in found.forms])
+        bands = np.array([band(known(results, f, scenario, metric)) for f in found.forms])
         place = np.arange(len(bands)) + offset
         title = results.study.scenario(scenario).title or scenario
         axes.hlines(place, bands[:, 0], bands[:, 2], color=colour, lw=4.0, alpha=0.45)
         axes.plot(bands[:, 1], place, "o", color=colour, ms=5.0, label=f"{scenario}: {title}")
-        value = published(results, scenario)
+        value = published(results, scenario, metric)
         if value is not None:
             axes.axvline(value, color=colour, ls="--", lw=1.2, label=f"paper, {scenario}")
     axes.axvline(0.0, color="0.3", lw=0.8)
     axes.set_yticks(range(len(found.forms)), [form.replace("_", " ") for form in found.forms])
     axes.invert_yaxis()
-    axes.set_xlabel("reduction of the tamping interval, % (P5 to P95 of sections, dot: median)")
+    unit = found.effects[found.form, scenarios[0]].price.unit
+    label = (
+        f"price, {unit}" if metric == "marginal_cost" else "reduction of the tamping interval, %"
+    )
+    axes.set_xlabel(f"{label} (P5 to P95 of sections, dot: median)")
     axes.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
     figure.savefig(path, dpi=110)
@@ -93,6 +99,7 @@ def main() -> None:
     parser.add_argument("results", type=Path)
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--scenarios", nargs="+")
+    parser.add_argument("--prices", action="store_true", help="in the picture, not reductions")
     options = parser.parse_args()
     results = read_results(options.results)
     found = answers(results)
@@ -107,7 +114,8 @@ def main() -> None:
         summary = found.summaries[scenario]
         print(f"\n{scenario}: supported: {summary.verdict} ({summary.reason})")
     if options.picture:
-        picture(results, found, scenarios, options.picture)
+        metric = "marginal_cost" if options.prices else "reduction_percent"
+        picture(results, found, scenarios, metric, options.picture)
 
 
 if __name__ == "__main__":
