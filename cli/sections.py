@@ -124,6 +124,7 @@ def sections_lines(report: "SectionsReport") -> Iterator[str]:
             f"  from {row['from']}: {row['due_km_p50']:.1f} "
             f"({row['due_km_p05']:.1f} to {row['due_km_p95']:.1f})"
         )
+    yield from _increment_lines(report)
     if report.sites:
         shifts = sum(site.shifts for site in report.sites)
         yield (
@@ -150,6 +151,19 @@ def hold_out_lines(line: "Line", held: "HoldOut") -> Iterator[str]:
     )
 
 
+def _increment_lines(report: "SectionsReport") -> Iterator[str]:
+    """Where profiles grew between two runs, and where the model says that they grow."""
+    if report.increments is None:
+        return
+    yield "growth between two profiles, SD over that of the first (correlation with it); Step B:"
+    for row in report.increments.to_dict("records"):
+        waves = f"{row['shortest_m']:.3g} to {row['longest_m']:.3g} m"
+        yield (
+            f"  waves of {waves:<14} {row['growth']:.2f} ({row['correlation']:+.2f}); "
+            f"{row['model_growth']:.2f} ({row['model_correlation']:+.2f})"
+        )
+
+
 def _forms_line(forms: "tuple[FormOfGrowth, ...]") -> str:
     """How the line grows, by its own runs."""
     parts = ", ".join(f"{form.name} {form.probability:.0%}" for form in forms)
@@ -167,6 +181,7 @@ def sections_json(report: "SectionsReport") -> str:
         "forms": {form.name: form.probability for form in report.forecast.forms},
         "sections": _plain(report.table),
         "due": _plain(report.due),
+        "increments": None if report.increments is None else _plain(report.increments),
         "worksites": [vars(site) for site in report.sites],
         "plan_cost": report.site_cost,
         "single_cost": report.single_cost,

@@ -6,7 +6,7 @@ than the rest, so it takes three values: as measured, and √3 standard errors t
 (Gauss–Hermite nodes).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -28,6 +28,7 @@ LEAST_START = 0.2  # of the SD measured
 SAMPLES = 50  # days on which an SD is recorded, evenly in log(1 + day / 30)
 ROWS = 40_000  # realisations advanced at a time
 TOLERANCE = 1e-4  # of a step, relative to the amplitudes: SDs within 0.001 mm of those at 1e-6
+MOST_GROWN = 10.0  # times the largest SD: a track is followed no further
 ABOVE = 8.0  # standard errors above limit and measurements a track is followed
 
 
@@ -137,26 +138,38 @@ class SteppedGrowth:
         sd = np.empty((len(rows), len(NODES), len(COARSE), SAMPLES), dtype=np.float32)
         top = np.nanmax(np.concatenate([history.sd[rows].ravel(), history.sd_limit[rows]]))
         top = 1.5 * top + ABOVE * history.sd_error
-        since = days_since_tamping(history, rows, start)
-        kinds = np.array(
-            [f"{v}\0{s}\0{a}" for v, s, a in zip(
-                history.variant[rows], history.scenario[rows], since, strict=True)]
-        )  # fmt: skip
-        for kind in np.unique(kinds):
-            at = np.flatnonzero(kinds == kind)
-            variant, scenario, age = str(kind).split("\0")
-            scene = self.scenes[variant, scenario]
-            engine = self._engine(scene, float(age), top, horizon)
+        for at, scene, age in self._kinds(rows, start):
+            engine = self._engine(scene, age, top, 1.001 * horizon)
             profiles = start_profiles(scene, history, rows[at], start)
             per_batch = max(1, ROWS // (len(NODES) * len(COARSE)))
             for first in range(0, len(at), per_batch):
                 part = at[first : first + per_batch]
                 own = profiles[first : first + per_batch]
                 support = start_support(scene, history, rows[part], start)
-                sd[part] = _advanced(
-                    engine, history, rows[part], start, own, days, float(age), support
-                )
+                sd[part] = _advanced(engine, history, rows[part], start, own, days, age, support)
         return SteppedCourses(days, sd)
+
+    def carried(self, rows: np.ndarray, start: int, days: float, factors: np.ndarray) -> np.ndarray:
+        """Amplitudes complex [P, K] m of the profiles of run ``start``, ``days`` later."""
+        history = self.history
+        top = MOST_GROWN * float(np.nanmax(history.sd[rows]))
+        later = np.empty((len(rows), history.amplitudes.shape[2]), dtype=complex)
+        for at, scene, age in self._kinds(rows, start):
+            engine = self._engine(scene, age, top, days)
+            profiles = start_profiles(scene, history, rows[at], start)
+            support = start_support(scene, history, rows[at], start)
+            ground = np.full(len(at), age)
+            outcome = engine.run(profiles, np.zeros(0), factors[at], ground, support)
+            later[at] = outcome.amplitudes
+        return later
+
+    def _kinds(self, rows: np.ndarray, start: int) -> Iterator[tuple[np.ndarray, Scene, float]]:
+        """Places among ``rows`` that share a scene and the days since their tamping."""
+        history, since = self.history, days_since_tamping(self.history, rows, start)
+        kinds = list(zip(history.variant[rows], history.scenario[rows], since, strict=True))
+        for kind in dict.fromkeys(kinds):
+            at = np.array([place for place, other in enumerate(kinds) if other == kind])
+            yield at, self.scenes[kind[0], kind[1]], float(kind[2])
 
     def _engine(self, scene: Scene, age: float, top: float, horizon: float) -> CycleJump:
         """The engine of a kind of sections that were tamped ``age`` days before their start."""
@@ -164,7 +177,7 @@ class SteppedGrowth:
         model = case.model
         cycles = age * case.timetable.passages_per_day * model.cycles_per_passage
         model = replace(model, ballast_cycles_before=model.ballast_cycles_before + cycles)
-        case = replace(case, model=model, sd_limit=top, horizon=1.001 * horizon)
+        case = replace(case, model=model, sd_limit=top, horizon=horizon)
         known = self.forms.setdefault((scene.variant, scene.scenario), {})
         return CycleJump(case, tolerance=TOLERANCE, forms=known)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from mcsettle.analysis.described_growth import by_hand
+from mcsettle.analysis.growth_by_wave import growth_by_wave
 from mcsettle.analysis.growth_courses import Growth, SteppedGrowth
 from mcsettle.analysis.line_forecast import LineForecast, line_forecast
 from mcsettle.analysis.line_hold_out import HoldOut, hold_out
@@ -34,7 +35,7 @@ class SectionsReport:
 
     ``due`` has a row for each coming year, with the kilometres that fall due; ``sites`` the worksites of
     what is due within the plan's time, ``site_cost`` theirs and ``single_cost`` that of tamping each
-    section by itself, in the plan's money.
+    section by itself, in the plan's money. ``increments``: where profiles grew (``growth_by_wave``).
     """
 
     line: Line
@@ -44,6 +45,7 @@ class SectionsReport:
     sites: list[Worksite]
     site_cost: float
     single_cost: float
+    increments: pd.DataFrame | None
 
     @property
     def last_run(self) -> date:
@@ -64,8 +66,8 @@ def sections_report(
     line, prepared = _ready(study, progress, processes)
     assert study.line is not None
     history, horizon = line.history, study.limit.horizon_days
-    forms = partial(growths, study.line.growth, prepared, study.scenes)
-    forecast = line_forecast(forms(history), history, horizon, progress)
+    model, *others = growths(study.line.growth, prepared, study.scenes, history)
+    forecast = line_forecast([model, *others], history, horizon, progress)
     table = _table(history, forecast)
     plan = study.line.plan
     prices = TampingPrices(plan.cost_per_shift, plan.output_m_per_shift, plan.least_length_m)
@@ -75,8 +77,9 @@ def sections_report(
     cost = sum(site.cost for site in sites)
     single = one_by_one(lengths, due, prices)
     return SectionsReport(
-        line, forecast, table, _due_by_year(history, forecast, study.seed), sites, cost, single
-    )
+        line, forecast, table, _due_by_year(history, forecast, study.seed), sites, cost, single,
+        growth_by_wave(model, history, forecast, study.wavenumbers),
+    )  # fmt: skip
 
 
 def line_hold_out(
@@ -97,7 +100,7 @@ def line_hold_out(
 
 def growths(
     choice: str, prepared: StepA, scenes: Sequence[Scene], history: LineHistory
-) -> tuple[Growth, ...]:
+) -> tuple[SteppedGrowth, *tuple[Growth, ...]]:
     """Forms of growth of a line: Step B and, unless the ``choice`` is "model", those by hand."""
     by_name = {(scene.variant, scene.scenario): scene for scene in scenes}
     model = SteppedGrowth(by_name, prepared, history)

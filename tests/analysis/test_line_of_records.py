@@ -1,0 +1,84 @@
+"""A line from recordings: several dates, tracks and files, what differs along it, where it grows."""
+
+import json
+from datetime import date, timedelta
+
+import numpy as np
+import pytest
+import toy
+from typer.testing import CliRunner
+
+from mcsettle.cli.app import app
+from mcsettle.railway.irregularity import sample_profiles, to_space, wavenumbers
+from mcsettle.railway.spectra import spectrum
+from mcsettle.study.study import Study, load_study, resolved_toml
+
+pytestmark = pytest.mark.usefixtures("fresh_cache")
+LENGTH, STEP, N = 1200.0, 0.5, 6
+X = np.arange(0.0, LENGTH, STEP)
+DAYS = (0, 100, 200)
+
+
+def level(seed: int) -> np.ndarray:
+    """Level [N] m of waves from 2 to 60 m."""
+    k = wavenumbers(LENGTH, 2.0, 60.0)
+    waves = sample_profiles(spectrum("fra", 6), k, LENGTH, seed, [0], sd=0.6e-3)
+    return to_space(waves, k, X)[0]
+
+
+def write(path, values: np.ndarray, start: float = 0.0, shift: float = 0.0) -> None:
+    rows = [f"{x + start + shift:.3f},{1e3 * z:.5f}" for x, z in zip(X, values, strict=True)]
+    path.write_text("\n".join(["chainage_m,level_mm", *rows]), encoding="utf-8")
+
+
+def line_of(folder, seed: int, name: str, start: float = 0.0, shift: float = 2.0) -> list[dict]:
+    """Runs whose hollows deepen by 8 % a time, with a little that is new; the car's chainage is off."""
+    before, runs = level(seed), []
+    for number, day in enumerate(DAYS):
+        now = before * (1.0 + 0.08 * number) + 0.02 * number * level(seed + 50)
+        write(folder / f"{name}{number}.csv", now, start, shift * (number == 1))
+        when = date(2024, 1, 1) + timedelta(days=day)
+        runs.append({"file": f"{name}{number}.csv", "date": when.isoformat()})
+    return runs
+
+
+def study_of(folder, **line) -> Study:
+    variants = [{"name": "base"}, {"name": "weak", "settlement_factor": 40.0}]
+    study = toy.study(variants=variants, line={"sd_error_mm": 0.02, "scenario": "v201", **line})
+    path = folder / "study.toml"
+    path.write_text(resolved_toml(study), encoding="utf-8")
+    return load_study(path)
+
+
+def told(folder) -> dict:
+    done = CliRunner().invoke(app, ["sections", str(folder / "study.toml"), "--json"])
+    assert done.exit_code == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_growth_by_wavelength_stands_beside_the_model(tmp_path):
+    study_of(tmp_path, runs=line_of(tmp_path, 1, "a"))
+    found = told(tmp_path)
+    assert len(found["sections"]) == N
+    bands = found["increments"]
+    assert [b["longest_m"] for b in bands[:-1]] == [b["shortest_m"] for b in bands[1:]]
+    assert bands[0]["shortest_m"] == pytest.approx(3.0, abs=0.1)
+    for band in bands:  # written so: 16 %, and 4 % that is new
+        assert band["growth"] == pytest.approx(np.hypot(0.16, 0.04), rel=0.25)
+        assert band["correlation"] > 0.8
+        assert band["model_growth"] > 0.0
+        assert -1.0 <= band["model_correlation"] <= 1.0
+
+
+def test_limit_traffic_support_and_exclusions_differ_along_the_line(tmp_path):
+    stretches = [
+        {"chainage_from_m": 0, "chainage_to_m": 400, "sd_limit_mm": 1.1},
+        {"chainage_from_m": 400, "chainage_to_m": 800, "scenario": "v225", "variant": "weak"},
+        {"chainage_from_m": 800, "chainage_to_m": 1000, "exclude": "switch"},
+    ]
+    study_of(tmp_path, runs=line_of(tmp_path, 2, "a"), stretches=stretches)
+    rows = {row["chainage_from_m"]: row for row in told(tmp_path)["sections"]}
+    assert sorted(rows) == pytest.approx([0, 200, 400, 600, 1000])
+    assert [rows[x]["sd_limit_mm"] for x in sorted(rows)] == [1.1, 1.1, 1.5, 1.5, 1.5]
+    assert [rows[x]["scenario"] for x in sorted(rows)] == ["v201", "v201", "v225", "v225", "v201"]
+    assert [rows[x]["variant"] for x in sorted(rows)] == ["base", "base", "weak", "weak", "base"]
