@@ -35,7 +35,8 @@ def summarise(
 
     if picture is not None:
         checked_picture(picture)
-    results = read_results(folder)
+    one_screen_only = not (every or json_output or picture)
+    results = read_results(folder, prices_only=one_screen_only)
     if picture is not None:
         refuse_others([picture], results.study.identity, force)
     if every or json_output:

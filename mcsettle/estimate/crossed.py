@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mcsettle.estimate import sample as plain
 from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
@@ -268,10 +268,10 @@ def _corrected(
     cubes, squares = np.sum(influence**3), np.sum(influence**2)
     skew = float(cubes / (6.0 * squares**1.5)) if squares > 0.0 else 0.0
     below = np.mean(others < mean) + 0.5 * np.mean(others == mean)
-    bias = float(stats.norm.ppf(np.clip(below, 1.0 / len(others), 1.0 - 1.0 / len(others))))
+    bias = float(special.ndtri(np.clip(below, 1.0 / len(others), 1.0 - 1.0 / len(others))))
     least = max(drawn.alpha, 1e-9)  # of two sets or tracks the tails are beyond any resample
-    z = bias + np.asarray(stats.norm.ppf([least, 1.0 - least]))
-    ends = stats.norm.cdf(bias + z / np.maximum(1.0 - skew * z, 1e-3))
+    z = bias + np.asarray(special.ndtri([least, 1.0 - least]))
+    ends = special.ndtr(bias + z / np.maximum(1.0 - skew * z, 1e-3))
     return float(ends[0]), float(ends[1])
 
 

@@ -15,7 +15,7 @@ Graubard (1998), Survey Methodology 24, 193–201.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import optimize, special, stats
+from scipy import special
 
 from mcsettle.estimate.estimate import CONFIDENCE
 
@@ -30,7 +30,7 @@ def worth(share: float, variance: float, sizes: Sequence[float]) -> float:
     """
     smallest = max(2.0, min((size for size in sizes if size > 1.0), default=2.0))
     # A variance from few values is itself uncertain: Student's quantile for the normal one.
-    shrunk = (stats.norm.ppf(TAIL) / stats.t.ppf(TAIL, smallest - 1.0)) ** 2
+    shrunk = (special.ndtri(TAIL) / special.stdtrit(smallest - 1.0, TAIL)) ** 2
     plain = share * (1.0 - share)
     return float(min(MANY, shrunk * plain / variance)) if variance > plain / MANY else MANY
 
@@ -68,6 +68,8 @@ def _position(n: float, level: float) -> float | None:
 
     def excess(j: float) -> float:
         return float(special.betainc(j, n - j + 1.0, level)) - (1.0 - TAIL)
+
+    from scipy import optimize  # takes long to import, and few need it
 
     last = max(n * level, 1.0)  # the median of the order statistics lies near it
     if excess(last) > 0.0:

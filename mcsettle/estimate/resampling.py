@@ -19,7 +19,7 @@ from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import CONFIDENCE
@@ -149,7 +149,7 @@ def tail(sizes: Sequence[float]) -> float:
     """
     n = max(2.0, min((size for size in sizes if size > 1.0), default=2.0))
     return float(
-        stats.norm.cdf(stats.t.ppf(0.5 - 0.5 * CONFIDENCE, n - 1) * np.sqrt(n / (n - 1.0)))
+        special.ndtr(special.stdtrit(n - 1, 0.5 - 0.5 * CONFIDENCE) * np.sqrt(n / (n - 1.0)))
     )
 
 

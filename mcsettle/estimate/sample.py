@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import CONFIDENCE, LEVELS, Estimate, Statistic
@@ -76,6 +76,8 @@ def interval_quantile(
     if len(horizons) == 0:
         return quantile(events, level, "d", confidence)
     _checked(np.append(events, horizons), level)
+    from scipy import stats  # takes longer to import than all the rest
+
     curve = stats.ecdf(stats.CensoredData(uncensored=events, right=horizons))
     times, reached = curve.cdf.quantiles, curve.cdf.probabilities
     with warnings.catch_warnings():
@@ -134,7 +136,7 @@ def restricted_mean(
     cut = np.append(np.minimum(events, limit), np.full(len(horizons), limit))
     value = float(np.mean(cut))
     error = float(np.std(cut, ddof=1) / np.sqrt(n)) if n > 1 else None
-    reach = float(stats.t.ppf(0.5 + 0.5 * confidence, n - 1)) * error if error else error
+    reach = float(special.stdtrit(n - 1, 0.5 + 0.5 * confidence)) * error if error else error
     reach = np.nan if reach is None else reach
     note = f"restricted to day {limit:g}" if np.isfinite(limit) else ""
     lower, upper = _finite(value - reach), _finite(value + reach)
@@ -300,9 +302,11 @@ def _order_statistics(
 @lru_cache(maxsize=256)
 def _binomial_ends(n: int, level: float, confidence: float) -> tuple[int, int]:
     """Places of the order statistics of n values between which a quantile lies (Conover 1999, 3.2)."""
-    below = stats.binom(n, level)
-    tail = (1.0 - confidence) / 2.0
-    return int(below.ppf(tail)) - 1, int(below.isf(tail))
+    counts, tail = np.arange(n + 1), (1.0 - confidence) / 2.0
+    slack = 1.0 + 1e-12  # where a share falls on the tail itself
+    low = np.argmax(special.bdtr(counts, n, level) * slack >= tail)
+    high = np.argmax(special.bdtrc(counts, n, level) <= tail * slack)
+    return int(low) - 1, int(high)
 
 
 def _interpolated(sample: np.ndarray, level: float) -> float:

@@ -20,7 +20,6 @@ Spline Models for Observational Data, chapter 10.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, optimize
 
 from mcsettle.estimate.variance import variance_split
 
@@ -97,6 +96,8 @@ def _learnt(kernels: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, float]
     # is left is n R/2 log σ² + R/2 log det K over R, with its exact gradient in log θ. That takes the
     # derivative of a product for every input: all factors but one (``_products_without``).
     n_inputs, n = len(kernels), len(spread)
+    from scipy import linalg, optimize  # take long to import, and few need them
+
     bounds = [tuple(np.log(THETA))] * n_inputs + [tuple(np.log(NUGGET))]
 
     def cost(point: np.ndarray) -> tuple[float, np.ndarray]:
@@ -155,6 +156,8 @@ def _products_without(factors: np.ndarray) -> np.ndarray:
 
 
 def _inverse(kernel: np.ndarray) -> np.ndarray:
+    from scipy import linalg
+
     return np.asarray(linalg.cho_solve(linalg.cho_factor(kernel, lower=True), np.eye(len(kernel))))
 
 

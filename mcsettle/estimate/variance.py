@@ -17,7 +17,7 @@ Reliability Engineering and System Safety 101, 54–60 (indices from given data)
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import CONFIDENCE, Estimate
@@ -56,7 +56,7 @@ def variance_split(scores: np.ndarray, scale: str, set_weights: np.ndarray | Non
     weights = np.ones(len(scores)) if set_weights is None else np.asarray(set_weights, dtype=float)
     shares = _shares(scores, weights)
     errors = np.sqrt(_jackknife(scores, weights, 0) + _jackknife(scores, weights, 1))
-    reach = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, min(len(scores), scores.shape[1]) - 1))
+    reach = float(special.stdtrit(min(scores.shape) - 1, 0.5 + 0.5 * CONFIDENCE))
     parts = [
         Estimate(float(v), *_share_limits(float(v), float(e), reach), _number(e), scores.size, 0, "1",
                  f"of the variance of the {scale}")
@@ -94,6 +94,8 @@ def spread_scores(values: np.ndarray, censored: np.ndarray) -> tuple[np.ndarray,
         if np.all(values > 0.0):
             return np.log(values), "logarithm"
         return values, "value"
+    from scipy import stats  # takes long to import, and few need it
+
     filled = np.where(censored, np.inf, values)
     return stats.rankdata(filled).reshape(filled.shape) / max(filled.size, 1), "rank"
 
@@ -147,7 +149,7 @@ def total_variance(scores: np.ndarray) -> float:
 def _bins(column: np.ndarray) -> np.ndarray:
     """Bin of each set, equal counts along the rising input."""
     n_bins = max(2, round(np.sqrt(len(column)) / 1.25))
-    order = stats.rankdata(column, method="ordinal") - 1
+    order = np.argsort(np.argsort(column, kind="stable"))
     return np.asarray(order * n_bins // len(column), dtype=int)
 
 

@@ -10,7 +10,6 @@ the level to zero.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
 from mcsettle.errors import InputError
 from mcsettle.railway.filters import Band, band_passed, level_from_versines
@@ -61,6 +60,8 @@ def resampled(run: Run, step: float) -> tuple[np.ndarray, np.ndarray]:
 
     By a cubic spline; by Akima's, which does not swing out, where there are gaps to bridge.
     """
+    from scipy.interpolate import Akima1DInterpolator, CubicSpline  # take long to import
+
     # The last point stands for a step of the record as every other one does.
     n = int(np.floor((run.length + run.step) / step * (1.0 + 1e-12) + 1e-6))
     if n > MOST_POINTS:

@@ -14,7 +14,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from mcsettle.errors import InputError
@@ -239,6 +238,8 @@ def _log_scale(waves: FieldWaves, cov: float) -> float:
     """
     key = waves.scale.tobytes(), waves.first, cov
     if key not in _log_scales:
+        from scipy.optimize import brentq  # takes long to import, and few need it
+
         n_points = waves.n_points
         covariance = to_points((waves.scale**2).astype(complex), n_points)
 

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh, null_space
 
 from mcsettle.units import TONNE
 
@@ -248,10 +247,14 @@ def natural_frequencies(vehicle: Vehicle, wheels: str = "fixed") -> Array:
     if wheels not in ("fixed", "free"):
         raise ValueError(f"wheels is '{wheels}'; choose 'fixed' or 'free'")
     if wheels == "fixed":
+        from scipy.linalg import null_space
+
         basis = null_space(connection_matrix(vehicle))
         if basis.shape[1] == 0:
             raise ValueError(f"vehicle '{vehicle.name}' has nothing left to move on fixed wheels")
         stiffness, mass = basis.T @ stiffness @ basis, basis.T @ mass @ basis
+    from scipy.linalg import eigh
+
     squares = eigh(stiffness, mass, eigvals_only=True)
     return np.sqrt(np.maximum(squares, 0.0)) / (2.0 * math.pi)
 

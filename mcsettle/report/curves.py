@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from mcsettle.estimate.sample import interval_quantile
 from mcsettle.report.figures.results import Convergence, Fan, Rate, Spread, Survival
@@ -232,6 +231,8 @@ def _kaplan_meier(
     """Days, share surviving, and the 95 % band, at the events."""
     if not len(events):
         return (np.zeros(0),) * 4
+    from scipy import stats
+
     curve = stats.ecdf(stats.CensoredData(uncensored=events, right=horizons)).sf
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="The confidence interval is undefined")

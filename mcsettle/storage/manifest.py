@@ -70,14 +70,15 @@ def listed_in(at: Place) -> dict[str, str] | None:
 
 
 def _older(provenance: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Provenance as it was written before it said the code, and before shards had sizes."""
-    if provenance["code_digest"]:
-        return []
-    without_code = {key: value for key, value in provenance.items() if key != "code_digest"}
-    return [
-        without_code,
-        {key: value for key, value in without_code.items() if key != "shard_realisations"},
-    ]
+    """Provenance as it was written before it said all that it says now, the latest first."""
+    found: list[dict[str, Any]] = []
+    left = dict(provenance)
+    for key in ("surrogate", "code_digest"):
+        if left.pop(key):
+            return found
+        found.append(dict(left))
+    del left["shard_realisations"]  # shards had one size
+    return [*found, left]
 
 
 def refuse_strays(at: Place, found: list[str], listed: list[str]) -> None:

@@ -248,8 +248,8 @@ def _shard(data: bytes, where: str, table: str, provenance: Provenance) -> pa.Ta
     held = {key: stored.get(key, "nothing") for key in wanted}
     if "shard_realisations" not in stored:  # written before shards had sizes
         held["shard_realisations"] = str(SHARD)
-    if "code_digest" not in stored:  # written before provenance said the code
-        held["code_digest"] = ""
+    for key in ("code_digest", "surrogate"):  # written before provenance said them
+        held[key] = stored.get(key, "")
     refuse_difference(held, wanted, f"'{where}'", "remove it and resume the run")
     rows = rows.replace_schema_metadata(None)
     if not rows.schema.equals(schema_of(table, rows.schema.names)):

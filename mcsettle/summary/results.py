@@ -123,10 +123,11 @@ class Results:
         return f"<Results of {self.study!r}: {said}>"
 
 
-def read_results(folder: Where, finished: bool = True) -> Results:
+def read_results(folder: Where, finished: bool = True, prices_only: bool = False) -> Results:
     """Read the tables that a run has left in ``folder`` (a path or a URL).
 
-    A run that is not finished is refused, unless ``finished`` is False.
+    A run that is not finished is refused, unless ``finished`` is False. ``prices_only``: without the
+    tables of which intervals and prices need nothing, and which are the largest.
 
     Raises
     ------
@@ -136,7 +137,10 @@ def read_results(folder: Where, finished: bool = True) -> Results:
     at = folder_of_run(folder, finished)
     wanted = ("realisations", "history", "effects", "weights", "sign_split")
     study = study_of(at)
-    realisations, *others = (_table(at, name) for name in wanted)
+    spared = ("history", "sign_split") if prices_only and not study.observed else ()
+    realisations, *others = (
+        pd.DataFrame() if name in spared else _table(at, name) for name in wanted
+    )
     return Results(study, realisations.rename(columns=_former_columns(study.currency)), *others)
 
 

@@ -285,26 +285,28 @@ def test_results_of_changed_code_of_the_same_version_are_noticed(folder):
     assert manifest.verify(folder) == 6
 
 
-def without_code(folder):
-    """As it was written before provenance said the code."""
+def without(folder, keys):
+    """As it was written before provenance said ``keys``."""
     path = folder / "provenance.json"
     data = json.loads(path.read_text(encoding="utf-8"))
-    del data["code_digest"]
+    data = {key: value for key, value in data.items() if key not in keys}
     path.write_text(json.dumps(data), encoding="utf-8")
     for shard in (folder / "realisations").iterdir():
         table = pq.read_table(shard)
-        stored = {k: v for k, v in table.schema.metadata.items() if k != b"code_digest"}
+        stored = {k: v for k, v in table.schema.metadata.items() if k.decode() not in keys}
         pq.write_table(table.replace_schema_metadata(stored), shard)
 
 
-def test_a_folder_of_before_is_read(folder):
+@pytest.mark.parametrize("keys", [("surrogate",), ("surrogate", "code_digest")])
+def test_a_folder_of_before_is_read(folder, keys):
     before = store.read(folder, "realisations")
-    without_code(folder)
+    without(folder, keys)
     (folder / "manifest.json").unlink()
     assert store.read(folder, "realisations").equals(before)
     store.finish(folder)
     data = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    del data["provenance"]["code_digest"]
+    for key in keys:
+        del data["provenance"][key]
     (folder / "manifest.json").write_text(json.dumps(data), encoding="utf-8")
     assert manifest.verify(folder) > 0
 
