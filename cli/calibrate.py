@@ -140,11 +140,12 @@ def posterior_lines(found: "Posterior") -> Iterator[str]:
     n = len(found.observations)
     yield (
         f'source = "posterior from {n} observed SD{"s" if n > 1 else ""}, scenario '
-        f'{found.scenario}, variant {found.variant}, {found.realisations} tracks, seed {found.seed}"'
+        f"{found.scenario}, variant {found.variant}, {found.realisations} realisations, seed "
+        f'{found.seed}"'
     )
     yield f"# least squares on the median SD: {found.least_squares:.6g}"
     yield f"# posterior P5, P50, P95: {low:.6g}, {middle:.6g}, {high:.6g}"
-    yield f"# {found.effective:.1f} tracks carry the weight; the best one misses by"
+    yield f"# {found.effective:.1f} realisations carry the weight; the best one misses by"
     yield f"# {found.misfit:.2g} standard errors (root mean square)"
 
 
@@ -155,11 +156,11 @@ def posterior_warnings(found: "Posterior") -> Iterator[str]:
 
     if found.few:
         yield (
-            f"only {found.effective:.1f} of {found.realisations} tracks carry the weight (below "
+            f"only {found.effective:.1f} of {found.realisations} realisations carry the weight (below "
             f"{FEW:g}): take more realisations, or larger errors if the model cannot be that exact"
         )
     if found.misfit > MISFIT:
         yield (
-            f"no track comes nearer to the observations than {found.misfit:.2g} standard errors: "
+            f"no realisation comes nearer to the observations than {found.misfit:.2g} standard errors: "
             "the model cannot produce them with a factor alone"
         )

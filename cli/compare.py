@@ -56,10 +56,10 @@ def _remarks(found: "Comparison") -> list[str]:
         ]
     else:
         told = [
-            f"Change: second against first, track by track, on {found.shared} common realisations; "
+            f"Change: second against first, on {found.shared} common realisations, one by one; "
             "of intervals in per cent, of effects as a difference."
         ]
-    return [*told, "–: not reached, or not known for too many censored tracks.", *found.only]
+    return [*told, "–: not reached, or not known for too many censored realisations.", *found.only]
 
 
 def _text(value: Any) -> str:

@@ -55,7 +55,7 @@ def life_lines(found: Sequence["Life"]) -> Iterator[str]:
 
     for life in found:
         against = f" against {life.baseline}" if life.baseline else ""
-        yield f"== {life.variant} {life.scenario}{against}: {len(life.cost)} tracks{_open(life)}"
+        yield f"== {life.variant} {life.scenario}{against}: {len(life.cost)} realisations{_open(life)}"
         yield f"{'':<34}{'mean ± s.e.':>20} {'P5':>10} {'P50':>10} {'P95':>10}"
         for text, values in _rows(life):
             known = values[np.isfinite(values)]
@@ -76,7 +76,7 @@ def life_json(found: Sequence["Life"]) -> str:
             "variant": life.variant,
             "scenario": life.scenario,
             "baseline": life.baseline,
-            "tracks": len(life.cost),
+            "realisations": len(life.cost),
             "open": int(life.sequence.open.sum()),
             "unit": life.unit,
             "currency": life.currency,

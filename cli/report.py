@@ -1,7 +1,7 @@
 """``mcsettle report``, ``export`` and ``compare``: from the folder of a run to what people read."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,6 +18,9 @@ from mcsettle.cli.terminal import (
 )
 from mcsettle.errors import InputError
 from mcsettle.storage.files import is_url
+
+if TYPE_CHECKING:
+    from mcsettle.report.page import Page
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.")]
 
@@ -52,6 +55,7 @@ def report(
 ) -> None:
     """Write the report of a run: one HTML file that needs nothing else."""
     from mcsettle.report.build import read_report
+    from mcsettle.report.pdf import find_browser, print_pdf
     from mcsettle.report.render import html
     from mcsettle.report.render import markdown as as_markdown
     from mcsettle.storage.marks import refuse_others, write_marked
@@ -62,34 +66,20 @@ def report(
         refuse_url(markdown, "--markdown")
     if figures is not None:
         checked_folder(figures, "--figures")
-    study, files = study_of(folder_of_run(folder)).identity, dict[Path, bytes]()
-    targets = [
-        target,
-        *([markdown] if markdown else []),
-        *([target.with_suffix(".pdf")] if pdf else []),
-    ]
+    study, printed = study_of(folder_of_run(folder)).identity, target.with_suffix(".pdf")
+    targets = [target, *([markdown] if markdown else []), *([printed] if pdf else [])]
     refuse_others(targets, study, force)  # before anything takes its time
     if pdf:
-        from mcsettle.report.pdf import find_browser
-
         find_browser()
     page = read_report(folder, variant, miles, track, tornado, Progress(), cores())
     text = html(page)
-    files[target] = text.encode("utf-8")
+    files = {target: text.encode("utf-8")}
     if markdown is not None:
         files[markdown] = as_markdown(page).encode("utf-8")
     if figures is not None:
-        from mcsettle.report.figures.forms import forms_figure
-        from mcsettle.report.figures.style import METADATA, files_of
-
-        if page.bars is not None:
-            files |= files_of(forms_figure(page.bars), figures, "answer", tuple(METADATA))
-        for picture in page.pictures:
-            files |= files_of(picture.figure, figures, picture.name, tuple(METADATA))
+        files |= picture_files(page, figures)
     if pdf:
-        from mcsettle.report.pdf import print_pdf
-
-        files[target.with_suffix(".pdf")] = print_pdf(text)
+        files[printed] = print_pdf(text)
     written = write_marked(files, study, force)
     for path in written[:4]:
         inform(f"Wrote {path}")
@@ -142,6 +132,20 @@ def compare(
         say(comparison_json(found), True)
     else:
         print_comparison(found)
+
+
+def picture_files(page: "Page", folder: Path) -> dict[Path, bytes]:
+    """Every picture of a report, as files in ``folder``."""
+    from mcsettle.report.figures.forms import forms_figure
+    from mcsettle.report.figures.style import METADATA, files_of
+
+    named = [(picture.figure, picture.name) for picture in page.pictures]
+    if page.bars is not None:
+        named.insert(0, (forms_figure(page.bars), "answer"))
+    files: dict[Path, bytes] = {}
+    for figure, name in named:
+        files |= files_of(figure, folder, name, tuple(METADATA))
+    return files
 
 
 def beside(folder: Path, ending: str, option: str = "--out") -> Path:

@@ -45,7 +45,7 @@ Out = Annotated[
         "the folder of their folders."
     ),
 ]
-Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the tracks.")]
+Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the realisations.")]
 Until = Annotated[
     str | None, typer.Option(help='Precision to stop at, such as "tamping_interval median 2%".')
 ]

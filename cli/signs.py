@@ -25,7 +25,8 @@ def print_signs(rows: "list[SummaryRow]") -> None:
     print_fitted(out, signs, ("leverage",))
     out.print(
         f"By roughening: added axles settle but are not counted; by hardening: counted but do not "
-        f"settle ({rows[0].at(0.5).n} tracks each). ξ: what an added axle roughens relative to one of "
+        f"settle ({rows[0].at(0.5).n} realisations each). ξ: what an added axle roughens "
+        "relative to one of "
         "the baseline; below ξ* the interval lengthens. Leverage: of a change of the rate on the "
         "interval. P(shorter): share of all pairs."
     )

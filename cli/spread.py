@@ -74,7 +74,7 @@ def _print_lines(out: Console, rows: "list[SummaryRow]") -> None:
             out.print(f"Intervals are {note}: sections that last longer count with it.")
     out.print(
         "A line's price is the mean of its sections' costs. Uncertain inputs are the same all along "
-        "a line, so their spread stays. Open: too few parameter sets or tracks to say how far.",
+        "a line, so their spread stays. Open: too few parameter sets or realisations to say how far.",
     )
 
 

@@ -130,7 +130,7 @@ def _remarks(results: "Results") -> Iterator[str]:
 
     yield (
         f"P5, P50, P95: spread between {_what_varies(results)}. ± s.e.: Monte Carlo error of "
-        "the median. –: not reached, or not known for too many censored tracks."
+        "the median. –: not reached, or not known for too many censored realisations."
     )
     yield (
         "at: percentile of our realisations at which the published value falls; in brackets what it may "

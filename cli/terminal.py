@@ -46,7 +46,9 @@ Quiet = Annotated[
 ]
 
 
-_PARAMETER = re.compile(r"\b(until|shard_size|scheduler|take_over|parameter_sets|threads)=")
+_PARAMETER = re.compile(
+    r"\b(until|shard_size|shards|scheduler|take_over|parameter_sets|threads|force|csv)="
+)
 
 
 class _State:

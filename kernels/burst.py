@@ -51,9 +51,7 @@ def burst(
             a = axle[step]
             w = ti.Vector([weight[step, g] for g in ti.static(range(n_groups))])
             # What settles whatever the profile.
-            c0 = 0.0
-            for g in ti.static(range(n_groups)):
-                c0 = c0 + w[g] * constant[a, g]
+            c0 = common_constant(a, w, constant, n_groups)
             for lane in range(lanes):
                 state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * c0
             for mode in range(n_modes):
@@ -89,12 +87,26 @@ def burst(
                             state.uniform[t, lane] + state.factor[t, lane] * raised[lane]
                         )
             step_on(t, n_modes, power_limit, following, state)
-            # Single precision computes the next growth from a copy.
             if ti.static(state.v.dtype != state.u.dtype):
-                for k in range(n_modes):
-                    for lane in range(lanes):
-                        state.v[t, k, 0, lane] = ti.cast(state.u[t, k, 0, lane], state.v.dtype)
-                        state.v[t, k, 1, lane] = ti.cast(state.u[t, k, 1, lane], state.v.dtype)
+                take_copy(t, n_modes, state)
+
+
+@ti.func
+def common_constant(a: int, w: ti.template(), constant: ti.template(), n_groups: ti.template()):
+    """What settles whatever the profile, at a factor of one."""
+    c0 = 0.0
+    for g in ti.static(range(n_groups)):
+        c0 = c0 + w[g] * constant[a, g]
+    return c0
+
+
+@ti.func
+def take_copy(t: int, n_modes: int, state: ti.template()):
+    """Single precision computes the next growth from a copy."""
+    for k in range(n_modes):
+        for lane in range(state.v.shape[3]):
+            state.v[t, k, 0, lane] = ti.cast(state.u[t, k, 0, lane], state.v.dtype)
+            state.v[t, k, 1, lane] = ti.cast(state.u[t, k, 1, lane], state.v.dtype)
 
 
 @ti.func
@@ -156,9 +168,7 @@ def common_half(
     """Half of what settles under the groups of a field, wave by wave, and on average; weights ``w``."""
     lanes = ti.static(state.v.shape[3])
     row = n_modes + sums.shape[0]
-    c0 = 0.0
-    for g in ti.static(range(n_groups)):
-        c0 = c0 + w[g] * constant[a, g]
+    c0 = common_constant(a, w, constant, n_groups)
     for lane in range(lanes):
         load[lane] = ti.cast(c0, state.d.dtype)
     for mode in range(n_modes):

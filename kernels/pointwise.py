@@ -14,19 +14,19 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
-from mcsettle.kernels.fourier import POINTS, forwards, pass_back, stages
+from mcsettle.kernels.fourier import POINTS, forwards
 from mcsettle.kernels.pointwise_tile import (
     GROUPS,
     Rows,
-    add_fields,
     add_linear,
     add_power,
-    add_squares,
+    add_two,
     begin_power,
     clear_rows,
     collect,
     first_pass,
     give_back,
+    inner_passes,
     pick_weights,
     put_one,
     rows_of,
@@ -138,26 +138,15 @@ def burst(
                     pick_weights(p, kind[c, 1], kind[c, 2], law[c, 0], scratch.rows, w)
                     for quarter in range(4):
                         begin = quarter * scratch.rows.q
-                        for r, hop in ti.static(stages(scratch.rows.points)):
-                            for b in range(scratch.rows.points // 4 // (r * hop)):
-                                pass_back(
-                                    w,
-                                    p,
-                                    begin + b * (r * hop),
-                                    r,
-                                    hop,
-                                    scratch.rows.im,
-                                    scratch.rows.points,
-                                    wave,
-                                )
+                        inner_passes(p, begin, scratch.rows, wave, w)
                         if kind[c, 0] == SQUARES:
-                            add_squares(p, begin, scratch.rows, w)
+                            add_two(p, begin, True, scratch.rows, w)
                         elif kind[c, 0] == BEGIN:
                             begin_power(p, begin, scratch.rows, 0, w)
                         elif kind[c, 0] == NEXT:
                             begin_power(p, begin, scratch.rows, 1, w)
                         elif kind[c, 0] == PLAIN:
-                            add_fields(p, begin, scratch.rows, w)
+                            add_two(p, begin, False, scratch.rows, w)
                         else:
                             add_power(p, begin, law[c, 1], scratch.rows, w)
                     if ti.static(varies):

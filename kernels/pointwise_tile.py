@@ -9,7 +9,15 @@ from dataclasses import dataclass
 
 import taichi as ti
 
-from mcsettle.kernels.fourier import POINTS, back_4, butterfly, put_turned, twiddle
+from mcsettle.kernels.fourier import (
+    POINTS,
+    back_4,
+    butterfly,
+    pass_back,
+    put_turned,
+    stages,
+    twiddle,
+)
 from mcsettle.kernels.laws import (
     binary_logarithm,
     binary_logarithm_32,
@@ -234,31 +242,27 @@ def many_modes(
 
 
 @ti.func
-def add_squares(p: int, begin: int, rows: ti.template(), w: ti.template()):
-    """Last pass of a transform whose two fields settle as their squares: a quarter of the points."""
-    s = ti.static(rows.settled)
-    weights = ti.static(rows.picked)
-    for n in range(rows.points // 16):
-        i = (begin + 4 * n) & POINTS
-        for lane in range(w.shape[2]):
-            x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(w, p, i, 1, rows.im, lane)
-            wa = w[p, weights, lane]
-            wb = w[p, weights + 1, lane]
-            w[p, i + s, lane] = w[p, i + s, lane] + (wa * (x0 * x0) + wb * (y0 * y0))
-            w[p, i + s + 1, lane] = w[p, i + s + 1, lane] + (wa * (x1 * x1) + wb * (y1 * y1))
-            w[p, i + s + 2, lane] = w[p, i + s + 2, lane] + (wa * (x2 * x2) + wb * (y2 * y2))
-            w[p, i + s + 3, lane] = w[p, i + s + 3, lane] + (wa * (x3 * x3) + wb * (y3 * y3))
+def inner_passes(p: int, begin: int, rows: ti.template(), wave: ti.template(), w: ti.template()):
+    """The passes of a transform between its first and its last: a quarter of the points."""
+    for r, hop in ti.static(stages(rows.points)):
+        for b in range(rows.points // 4 // (r * hop)):
+            pass_back(w, p, begin + b * (r * hop), r, hop, rows.im, rows.points, wave)
 
 
 @ti.func
-def add_fields(p: int, begin: int, rows: ti.template(), w: ti.template()):
-    """Last pass of a transform whose two fields settle as they are: a quarter of the points."""
+def add_two(p: int, begin: int, squares: ti.template(), rows: ti.template(), w: ti.template()):
+    """Last pass of a transform whose two fields settle as they are, or as their ``squares``: a quarter
+    of the points.
+    """
     s = ti.static(rows.settled)
     weights = ti.static(rows.picked)
     for n in range(rows.points // 16):
         i = (begin + 4 * n) & POINTS
         for lane in range(w.shape[2]):
             x0, y0, x1, y1, x2, y2, x3, y3 = butterfly(w, p, i, 1, rows.im, lane)
+            if ti.static(squares):
+                x0, y0, x1, y1 = x0 * x0, y0 * y0, x1 * x1, y1 * y1
+                x2, y2, x3, y3 = x2 * x2, y2 * y2, x3 * x3, y3 * y3
             wa = w[p, weights, lane]
             wb = w[p, weights + 1, lane]
             w[p, i + s, lane] = w[p, i + s, lane] + (wa * x0 + wb * y0)

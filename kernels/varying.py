@@ -252,15 +252,7 @@ def spread(
         j = (number - 1) & ROWS
         apart = (base + n - number) & ROWS
         ahead = (base + n + number) & ROWS
-        for lane in range(h.shape[3]):
-            a = h[t, apart, 0, lane] + h[t, ahead, 0, lane]
-            b = h[t, apart, 1, lane] + h[t, ahead, 1, lane]
-            c = h[t, apart, 0, lane] - h[t, ahead, 0, lane]
-            d = h[t, ahead, 1, lane] - h[t, apart, 1, lane]
-            x = half[t, j, 0, lane]
-            y = half[t, j, 1, lane]
-            re[lane] = re[lane] + (a * x + d * y)
-            im[lane] = im[lane] + (b * x + c * y)
+        add_pair(t, apart, ahead, j, False, h, half, re, im)
     same = (n - 1) & ROWS
     twice = (base + 2 * n) & ROWS
     for lane in range(h.shape[3]):
@@ -274,15 +266,7 @@ def spread(
         j = (number - 1) & ROWS
         apart = (base + number - n) & ROWS
         ahead = (base + n + number) & ROWS
-        for lane in range(h.shape[3]):
-            a = h[t, apart, 0, lane] + h[t, ahead, 0, lane]
-            b = h[t, apart, 1, lane] + h[t, ahead, 1, lane]
-            c = h[t, apart, 0, lane] - h[t, ahead, 0, lane]
-            d = h[t, ahead, 1, lane] - h[t, apart, 1, lane]
-            x = half[t, j, 0, lane]
-            y = half[t, j, 1, lane]
-            re[lane] = re[lane] + (a * x + b * y)
-            im[lane] = im[lane] + (d * x + c * y)
+        add_pair(t, apart, ahead, j, True, h, half, re, im)
     for number in range(ti.max(n_waves - n, n) + 1, n_waves + 1):
         j = (number - 1) & ROWS
         apart = (base + number - n) & ROWS
@@ -308,3 +292,27 @@ def raise_mean(t: int, f: int, varying: ti.template(), raised: ti.template()):
             raised[lane] = raised[lane] + (
                 h[t, row, 0, lane] * half[t, k, 0, lane] + h[t, row, 1, lane] * half[t, k, 1, lane]
             )
+
+
+@ti.func
+def add_pair(
+    t: int, apart: int, ahead: int, j: int, beyond: ti.template(), h: ti.template(),
+    half: ti.template(), re: ti.template(), im: ti.template(),
+):  # fmt: skip
+    """Products of wave j with a field's waves at the difference of two numbers and at their sum.
+
+    ``beyond``: wave j has the larger number, and the field's wave at the difference is conjugate.
+    """
+    for lane in range(h.shape[3]):
+        a = h[t, apart, 0, lane] + h[t, ahead, 0, lane]
+        b = h[t, apart, 1, lane] + h[t, ahead, 1, lane]
+        c = h[t, apart, 0, lane] - h[t, ahead, 0, lane]
+        d = h[t, ahead, 1, lane] - h[t, apart, 1, lane]
+        x = half[t, j, 0, lane]
+        y = half[t, j, 1, lane]
+        if ti.static(beyond):
+            re[lane] = re[lane] + (a * x + b * y)
+            im[lane] = im[lane] + (d * x + c * y)
+        else:
+            re[lane] = re[lane] + (a * x + d * y)
+            im[lane] = im[lane] + (b * x + c * y)

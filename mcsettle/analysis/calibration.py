@@ -109,7 +109,7 @@ def calibrate(
 def _median(outcome: Outcome, horizon: float) -> Estimate:
     """Kaplan–Meier median of the intervals, days; tracks that failed are left out."""
     if np.all(outcome.failed):
-        raise NumericalError("every track of the calibration overflowed; lower the factor")
+        raise NumericalError("every realisation of the calibration overflowed; lower the factor")
     ends = np.where(outcome.reached | outcome.failed, np.nan, horizon)
     days = np.where(outcome.failed, np.nan, outcome.days)
     return interval_quantile(days, ends, 0.5)
@@ -194,7 +194,8 @@ class Search:
         factor = float(np.exp(brentq(miss, low, high, xtol=1e-7)))
         if abs(miss(float(np.log(factor)))) > JUMP:
             raise InputError(
-                f"the median of {len(self.profiles)} tracks jumps past {target:g} days at a factor of "
+                f"the median of {len(self.profiles)} realisations jumps past {target:g} days "
+                "at a factor of "
                 f"{factor:.6g}, from below it to beyond the horizon of {self.case.horizon:g} days; "
                 "set a later horizon ([limit] horizon_years) or take more realisations"
             )

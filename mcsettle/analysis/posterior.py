@@ -137,7 +137,9 @@ def fitted(model: FactorModel, n_tracks: int) -> FactorPosterior:
     """
     posterior = factor_posterior(model.likelihood, PRIOR, _passes(n_tracks), NEGLIGIBLE)
     if posterior is None:
-        raise InputError("every track failed at every settlement factor; check the study's inputs")
+        raise InputError(
+            "every realisation failed at every settlement factor; check the study's inputs"
+        )
     inner = np.log(LOWEST) + 1.0, np.log(HIGHEST) - 1.0
     below, up_to = np.interp(inner, posterior.edges, posterior.reached)
     if max(below, 1.0 - up_to) > AT_END:

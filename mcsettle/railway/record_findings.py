@@ -8,13 +8,14 @@ other finding takes them for level.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal, get_args
 
 import numpy as np
 
 from mcsettle.errors import InputError
 from mcsettle.railway.record import GAP, Run
 
-KINDS = (
+Kind = Literal[
     "missing",
     "implausible",
     "constant",
@@ -25,7 +26,8 @@ KINDS = (
     "short_kilometres",
     "gaps",
     "spikes",
-)
+]
+KINDS: tuple[Kind, ...] = get_args(Kind)
 SPIKE = 8.0  # scaled median absolute deviations of the second difference
 IMPLAUSIBLE = 0.1  # m from the median level: no track in service
 JUMP = 20.0  # typical differences of neighbours, at the ends of a constant

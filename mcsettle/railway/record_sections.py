@@ -99,15 +99,7 @@ def cut(
         The run is shorter than a section, its points lie too far apart, or an SD is none of a track
         (units).
     """
-    if run.length + run.step < window * (1.0 - 1e-9):
-        raise InputError(
-            f"the record is {run.length:.4g} m long; a section (profile.window_m) is {window:g} m"
-        )
-    if run.step > band.shortest / 2.5:
-        raise InputError(
-            f"points {run.step:.3g} m apart cannot carry waves of {band.shortest:g} m: check "
-            f"chainage_unit, or take a longer shortest_m"
-        )
+    _check_long_and_dense(run, window, band)
     per_section = int(np.ceil(window / min(FINEST_STEP, band.shortest / 10.0)))
     step = window / per_section
     x, level = resampled(run, step)
@@ -195,6 +187,18 @@ def _ends(n: int, per_section: int, least: int) -> tuple[np.ndarray, np.ndarray]
     if n - ends[-1] >= least:
         return np.append(starts, ends[-1]), np.append(ends, n)
     return starts, ends
+
+
+def _check_long_and_dense(run: Run, window: float, band: Band) -> None:
+    if run.length + run.step < window * (1.0 - 1e-9):
+        raise InputError(
+            f"the record is {run.length:.4g} m long; a section (profile.window_m) is {window:g} m"
+        )
+    if run.step > band.shortest / 2.5:
+        raise InputError(
+            f"points {run.step:.3g} m apart cannot carry waves of {band.shortest:g} m: check "
+            f"chainage_unit, or take a longer shortest_m"
+        )
 
 
 def _check_plausible(sd: np.ndarray, chainage: np.ndarray) -> None:

@@ -44,7 +44,7 @@ def method_blocks(material: Material) -> Iterator[Block]:
     if study.profile.file is not None:
         profile = _measured(study.profile)
     yield Text(
-        f"Step B, for every random track: {profile}, wavelengths of {study.profile.shortest_m:g} to "
+        f"Step B, for every realisation: {profile}, wavelengths of {study.profile.shortest_m:g} to "
         f"{study.profile.longest_m:g} m on a window "
         f"of {study.profile.window_m:g} m. Each axle passage gives dynamic forces from the profile "
         "as it is now, deviatoric stresses (Eq. 10), permanent strains (Eqs. 1 and 2), a settlement "
@@ -55,7 +55,8 @@ def method_blocks(material: Material) -> Iterator[Block]:
     )
     if study.economics is not None:
         yield Text(
-            "Economics, track by track: every scenario against the baseline on the same track. "
+            "Economics, realisation by realisation: every scenario against the baseline on "
+            "the same realisation. "
             "Elasticity γ: relative change of the interval over relative change of speed or "
             "tonnage. Marginal cost, Eqs. (8) and (9): −γ c r / (exp(r T) − 1) / d, with c the cost "
             "of tamping a track-km, r the discount rate, T the baseline's interval in years, d the "
@@ -63,8 +64,8 @@ def method_blocks(material: Material) -> Iterator[Block]:
             "the present value with respect to the first interval; later ones are held."
         )
     yield Text(
-        "A realisation is addressed by (seed, index): the same index is the same initial track in "
-        "every scenario, so differences between scenarios are differences on the same track."
+        "A realisation is addressed by (seed, index): the same index is the same initial profile in "
+        "every scenario, so differences between scenarios are differences on the same profile."
     )
 
 
@@ -127,8 +128,8 @@ def provenance_blocks(material: Material) -> Iterator[Block]:
         ("mcsettle, the run", held.package_version),
         ("study digest", held.study_digest),
         ("transfer functions digest (Step A)", held.transfer_digest),
-        ("seed of the tracks", str(held.seed)),
-        ("realisations (tracks)", str(material.n_tracks)),
+        ("seed of the realisations", str(held.seed)),
+        ("realisations", str(material.n_tracks)),
         ("parameter sets", str(material.n_sets)),
         ("Taichi", held.taichi_version),
         ("precision", held.precision),

@@ -13,6 +13,7 @@ import numpy as np
 from mcsettle.report.charging import KM_PER_MILE, price_units
 from mcsettle.report.material import Material
 from mcsettle.report.price_words import USE
+from mcsettle.summary.results import INTERVAL
 from mcsettle.units import DAYS_PER_YEAR
 
 CHARGES, PAIRS = "charges", "pairs"
@@ -51,7 +52,7 @@ def _pairs(material: Material, form: str, scenario: str) -> PairColumns:
         results.part("realisations", form, effect.baseline),
     )
     known = effects[effects["status"] == "paired"][[*keys, "elasticity"]]
-    known = known.merge(tracks[[*keys, "tamping_interval_days"]], on=keys)
+    known = known.merge(tracks[[*keys, INTERVAL]], on=keys)
     sets = known["parameter_set"].to_numpy(dtype=int)
     conditioning = results.conditioning(form)
     usable = conditioning is not None and conditioning.usable
@@ -70,7 +71,7 @@ def _pairs(material: Material, form: str, scenario: str) -> PairColumns:
     return PairColumns(
         form,
         scenario,
-        known["tamping_interval_days"].to_numpy(dtype=float) / DAYS_PER_YEAR,
+        known[INTERVAL].to_numpy(dtype=float) / DAYS_PER_YEAR,
         known["elasticity"].to_numpy(dtype=float),
         factors[sets] / share,
     )

@@ -12,10 +12,10 @@ from mcsettle.report.figures.results import Convergence, Fan, Rate, Spread, Surv
 from mcsettle.report.histories import day_grid, on_grid
 from mcsettle.report.material import Material
 from mcsettle.report.words import mostly_known
+from mcsettle.summary.results import CENSORED, INTERVAL
 from mcsettle.units import DAYS_PER_YEAR
 
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
-INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"
 MOVING = 100.0  # days of the moving average
 DOTS = 20  # each of them stands for a twentieth of the sections
 LEAST_FOR_DOTS = 30

@@ -97,8 +97,7 @@ def write_xlsx(material: Material, path: Path, force: bool = False) -> list[str]
         import xlsxwriter
     except ImportError:
         raise InputError(
-            "a workbook needs the extra 'xlsx': pip install 'mcsettle[xlsx]'; or export to CSV "
-            "with --csv"
+            "a workbook needs the extra 'xlsx': pip install 'mcsettle[xlsx]'; or export csv= files"
         ) from None
     remarks: list[str] = []
     buffer = io.BytesIO()

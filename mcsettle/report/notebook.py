@@ -85,7 +85,7 @@ def plot(results: Results | Where, variant: str | None = None) -> "Figure":
             tamped.step(days, share, where="post", label=title, **look(index))
         history.axhline(study.limit.sd_limit_mm, color=GREY, linewidth=0.9)
         history.set(xlabel="days", ylabel="SD [mm], median and P5–P95")
-        tamped.set(xlabel="days", ylabel="share of tracks tamped", ylim=(0.0, 1.02))
+        tamped.set(xlabel="days", ylabel="share of realisations tamped", ylim=(0.0, 1.02))
         tamped.legend()
         figure.suptitle(f"{study.title or 'untitled'}: {name}")
         return figure

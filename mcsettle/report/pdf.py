@@ -44,7 +44,7 @@ def find_browser() -> str:
         from playwright.sync_api import sync_playwright
     except ImportError:
         raise InputError(
-            "--pdf needs the extra 'pdf': pip install 'mcsettle[pdf]'; or print the HTML file from a "
+            "a PDF needs the extra 'pdf': pip install 'mcsettle[pdf]'; or print the HTML file from a "
             "browser"
         ) from None
     named = os.environ.get(VARIABLE)
@@ -60,7 +60,7 @@ def find_browser() -> str:
     if Path(own).is_file():
         return own
     raise InputError(
-        "--pdf needs Chromium: install it (package 'chromium', or 'playwright install chromium'), or "
+        "a PDF needs Chromium: install it (package 'chromium', or 'playwright install chromium'), or "
         f"name it in {VARIABLE}; or print the HTML file from a browser"
     )
 

@@ -25,7 +25,8 @@ from mcsettle.report.single_tracks import (
     profiles_at_limit,
 )
 from mcsettle.report.track_pictures import track_figures
-from mcsettle.report.words import DAYS, cut
+from mcsettle.report.words import cut
+from mcsettle.summary.results import INTERVAL
 from mcsettle.units import KN, KPA, MM
 
 GROWTH = "sd_growth_1y_mm"
@@ -35,13 +36,16 @@ PAPER = {
     "freight_passage": ("5 and 6", "our profile, of the same class; settlement without any factor"),
     "section": ("7", "half of it is solved; the absorbing border lies beyond"),
     "concept": ("9", "drawn with the median intervals found here instead of symbols"),
-    "slice": ("10", "one of our tracks; all cars alike, the paper's train is of another length"),
-    "profiles": ("11", "one of our tracks; the paper's profile is not published"),
-    "sd_time": ("12 or 17", "medians and a band over many tracks instead of one track"),
+    "slice": (
+        "10",
+        "one of our realisations; all cars alike, the paper's train is of another length",
+    ),
+    "profiles": ("11", "one of our realisations; the paper's profile is not published"),
+    "sd_time": ("12 or 17", "medians and a band over many realisations instead of one"),
     "growth": ("13", "growth over the first 365 days, with its spread"),
     "rates": ("14", "our reading: change over a moving window; the paper does not define its own"),
     "stress_depth": ("15 and 16", "root mean square of the dynamic part over profile and axles"),
-    "mixed": ("18", "two whole days of one track, updated after every axle passage"),
+    "mixed": ("18", "two whole days of one realisation, updated after every axle passage"),
 }
 NOT_DRAWN = {
     "8": "needs the field record, which is not published; the validation study stands apart",
@@ -87,7 +91,7 @@ def growth_pictures(material: Material) -> Iterator[Picture]:
         )
         text = (
             f"Change of the SD over the last {MOVING:g} days, per year: medians; shaded, P5 to P95 "
-            "of the first scenario. Until half of the tracks are tamped."
+            "of the first scenario. Until half of the realisations are tamped."
         )
         yield Picture("rates", rates_figure(curves, MOVING), alt + ".", text)
     yield from _concept(material)
@@ -99,7 +103,7 @@ def _concept(material: Material) -> Iterator[Picture]:
         return
     scenario = material.compared[-1]
     effect = material.study.effects[scenario]
-    rows = [material.row(name, DAYS) for name in (effect.baseline, effect.scenario)]
+    rows = [material.row(name, INTERVAL) for name in (effect.baseline, effect.scenario)]
     medians = [row.at(0.5).value for row in rows if row is not None]
     if len(medians) < 2 or medians[0] is None or medians[1] is None:
         return
@@ -127,18 +131,19 @@ def single_track_pictures(material: Material) -> Iterator[Picture]:
             f"{cut(p.label, 40)}: {'not reached' if p.days is None else f'day {p.days:.0f}'}"
             for p in shown
         )
-        text = f"One track ({where}) before traffic and at its limit, in the band of the SD."
+        text = f"One realisation ({where}) before traffic and at its limit, in the band of the SD."
         yield Picture("profiles", profiles_figure(shown), alt + ".", text)
     scenario = mixed_scenario(material)
     view = None if scenario is None else mixed_days(material, scenario, prepared)
     if view is not None and scenario is not None:
         rise = float(view.sd[-1] - view.sd[0])
         alt = (
-            f"SD of one track from day {view.days[0]:g} to {view.days[-1]:g} of mixed traffic; it "
+            f"SD of one realisation from day {view.days[0]:g} to {view.days[-1]:g} of mixed traffic; it "
             f"rises by {number(rise)} mm."
         )
         text = (
-            f"Two days of mixed traffic on one track ({where}), {cut(material.title(scenario), 60)}: "
+            f"Two days of mixed traffic on one realisation ({where}), "
+            f"{cut(material.title(scenario), 60)}: "
             "updated after every axle passage. Time is shared out by passages."
         )
         yield Picture("mixed", mixed_figure(view), alt, text)

@@ -20,9 +20,9 @@ WIDE_BAND = (5.0, 95.0)
 def published_blocks(material: Material, pictures: list[Picture]) -> Iterator[Block]:
     """Tables by source, the differences in words, and where each figure is."""
     yield Text(
-        "Published single values beside the spread of ours. A published number is one track: it is "
+        "Published single values beside the spread of ours. A published number is one realisation: it is "
         "to be compared with P5 to P95, not with the Monte Carlo error. Falls at: the percentile "
-        "of our tracks at which it lies."
+        "of our realisations at which it lies."
     )
     for source in sources(material):
         yield source_table(material, source)

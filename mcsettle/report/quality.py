@@ -10,7 +10,8 @@ from mcsettle.report.figures.results import Swing, convergence_figure
 from mcsettle.report.figures.track_in_time import swings_figure
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
-from mcsettle.report.words import DAYS, band, cut, level, metric_words, unit_words
+from mcsettle.report.words import band, cut, level, metric_words, unit_words
+from mcsettle.summary.results import INTERVAL
 
 MOST_BARS = 10
 SHOWN = ("quantile", "mean", "restricted_mean", "section_mean")
@@ -24,7 +25,8 @@ def sensitivity_blocks(material: Material, bars: Sequence[Bar]) -> Iterator[Bloc
     if split:
         head = ("scenario", "quantity", *SHARES)
         note = (
-            "Shares of the variance, %: between parameter sets, between tracks, and both together."
+            "Shares of the variance, %: between parameter sets, between realisations, and both "
+            "together."
         )
         yield Table("What the spread consists of", head, tuple(split), 2, note)
     yield from _indices(material)
@@ -142,11 +144,12 @@ def _pairing(material: Material) -> Iterator[Block]:
             )
     if rows:
         note = (
-            "Gain: variance of the logarithm of the ratio of two intervals on different tracks over "
-            "that on the same track. Correlation: of the logarithms."
+            "Gain: variance of the logarithm of the ratio of two intervals of different "
+            "realisations over "
+            "that of the same realisation. Correlation: of the logarithms."
         )
         head = ("scenario", "variance gain", "correlation")
-        yield Table("What pairing the same tracks gains", head, tuple(rows), 1, note)
+        yield Table("What pairing the same realisations gains", head, tuple(rows), 1, note)
 
 
 def _lines(material: Material) -> Iterator[Block]:
@@ -162,7 +165,8 @@ def _lines(material: Material) -> Iterator[Block]:
     if rows:
         note = (
             "P5, P50, P95 and mean of the mean over a line of independent sections, each with the 95 % "
-            "interval of its Monte Carlo error; open: too few parameter sets or tracks to say how far. "
+            "interval of its Monte Carlo error; open: too few parameter sets or realisations "
+            "to say how far. "
             "A price is for a line: the spread between sections averages out along it, that of "
             "uncertain inputs does not."
         )
@@ -180,10 +184,10 @@ def convergence_blocks(material: Material) -> Iterator[Block]:
     """How the median settles as the sample grows, and the Monte Carlo error of the answer."""
     curves = convergence(material)
     if curves and any(len(c.counts) > 1 for c in curves):
-        alt = "Median interval against the number of tracks: " + "; ".join(
+        alt = "Median interval against the number of realisations: " + "; ".join(
             f"{cut(c.label, 40)} from {c.value[0]:.0f} to {c.value[-1]:.0f} days" for c in curves
         )
-        text = "Median interval of the first n tracks, with its 95 % interval."
+        text = "Median interval of the first n realisations, with its 95 % interval."
         figure = convergence_figure(curves, "median interval [days]")
         yield Picture("convergence", figure, alt + ".", text)
     rows: list[tuple[str, ...]] = []
@@ -202,7 +206,7 @@ def convergence_blocks(material: Material) -> Iterator[Block]:
     head = ("", "value", "lower", "upper", "s.e.", "s.e., %")
     note = (
         "Lower and upper: 95 % confidence limits of the number itself; open: not known. Restricted "
-        "mean: of the interval cut at the first censoring; section mean: over tracks and sets."
+        "mean: of the interval cut at the first censoring; section mean: over realisations and sets."
     )
     yield Table("Monte Carlo error of every number", head, tuple(rows), 1, note, small=True)
 
@@ -220,7 +224,7 @@ def censoring_blocks(material: Material) -> Iterator[Block]:
     head = ("variant", "scenario", "realisations", "reached", "censored", "failed")
     horizon = material.study.limit.horizon_years
     note = (
-        f"Censored: the horizon of {horizon:g} years came before the limit. A censored track stays "
+        f"Censored: the horizon of {horizon:g} years came before the limit. A censored realisation stays "
         "in every quantile as longer than the horizon; an effect with a censored member is unknown, "
         "and a quantile that depends on it is not stated."
     )
@@ -238,11 +242,11 @@ def calibration_blocks(material: Material) -> Iterator[Block]:
         yield Text("The study records no calibration.")
     else:
         origin = f" with {cut(note.study, 120)}" if note.study else ""
-        tracks = f", {note.realisations} tracks" if note.realisations else ""
+        n = f", {note.realisations} realisations" if note.realisations else ""
         yield Text(
             f"A settlement factor of {note.factor:g} was fitted{origin} to one number: a median "
             f"interval of {note.target_days:g} days in scenario {note.scenario}"
-            f"{f' of variant {note.variant}' if note.variant else ''}{tracks}. {cut(note.note, 400)}"
+            f"{f' of variant {note.variant}' if note.variant else ''}{n}. {cut(note.note, 400)}"
         )
     yield Text(
         "The factor multiplies every settlement; it carries no physics. What was fitted is no "
@@ -252,7 +256,7 @@ def calibration_blocks(material: Material) -> Iterator[Block]:
     for variant in study.variant_names:
         factor = study.settlement_settings(variant).settlement_factor
         for scenario in study.scenario_names:
-            row = material.row(scenario, DAYS, variant)
+            row = material.row(scenario, INTERVAL, variant)
             if row is not None:
                 growth = material.row(scenario, "sd_growth_1y_mm", variant)
                 shown = "" if growth is None else level(growth, 0.5)

@@ -38,9 +38,10 @@ def result_blocks(material: Material) -> Iterator[Block]:
             yield Fold(f"Variant {variant}", (quantile_table(material, variant),))
     yield Text(
         "P5, P50, P95: spread between realisations. ± : Monte Carlo error of the median. Effects "
-        "are formed track by track against the baseline and then summarised: the median reduction "
+        "are formed realisation by realisation against the baseline and then summarised: the "
+        "median reduction "
         "is not the reduction of the medians. Not reached: the quantile lies beyond the horizon, or "
-        "too many tracks are censored to know it. SD growth in a year is not reached where the "
+        "too many realisations are censored to know it. SD growth in a year is not reached where the "
         "limit comes first.",
         "note",
     )
@@ -95,13 +96,14 @@ def _pictures(material: Material) -> Iterator[Picture]:
         alt = f"SD against days of traffic. Median SD on day {shown[0].days[-1]:g}, mm: {ends}."
         text = (
             f"SD of the profile in time: medians; shaded, P5 to P95 and the middle half of "
-            f"{cut(shown[0].label, 60)}. A tamped track stays at the limit. Below: the SD above the "
-            "baseline's on the same track, medians and the middle half."
+            f"{cut(shown[0].label, 60)}. A tamped realisation stays at the limit. Below: the "
+            "SD above the "
+            "baseline's on the same realisation, medians and the middle half."
         )
         yield Picture("sd_time", figure, alt, text)
     curves = survivals(material)
     if curves:
-        alt = "Share of tracks not yet tamped against days: " + "; ".join(
+        alt = "Share of realisations not yet tamped against days: " + "; ".join(
             f"{cut(c.label, 40)} {len(c.days)} events" for c in curves
         )
         text = (
@@ -160,7 +162,9 @@ def charge_blocks(material: Material) -> Iterator[Block]:
         )
         yield Table("Charge table", ("unit", "P50", "P5 to P95", "mean"), tuple(rows), 1, note)
     elif any(marginal_train(material.study, scenario) for scenario in material.compared):
-        yield Text("Too few tracks reach the limit in both scenarios: no cost is stated.", "note")
+        yield Text(
+            "Too few realisations reach the limit in both scenarios: no cost is stated.", "note"
+        )
     else:
         yield Text("No scenario differs from the baseline by a single kind of train.", "note")
     yield from _literature(material)

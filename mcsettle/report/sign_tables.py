@@ -28,6 +28,6 @@ def sign_blocks(material: Material) -> Iterator[Block]:
         "An added service shortens the interval by what its axles roughen and lengthens it by the "
         "cycles with which it hardens the track for the others: it shortens where an added axle "
         "roughens more than ξ* of a baseline axle (ξ > ξ*), and any change of the rate counts "
-        f"'leverage' times in days. Medians over the first {n} tracks, each part run by itself."
+        f"'leverage' times in days. Medians over the first {n} realisations, each part run by itself."
     )
     yield Table("Why an effect has its sign", head, tuple(rows), 2, note, small=True)

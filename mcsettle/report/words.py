@@ -5,11 +5,11 @@ import re
 from mcsettle.estimate.rounding import NOT_REACHED, number
 from mcsettle.report.money import SIGNS
 from mcsettle.report.outgoing import plain
+from mcsettle.summary.results import INTERVAL
 from mcsettle.summary.summary import SummaryRow
 
-DAYS = "tamping_interval_days"
 METRICS = {
-    DAYS: "tamping interval",
+    INTERVAL: "tamping interval",
     "sd_growth_1y_mm": "SD growth in a year",
     "reduction_percent": "reduction of the interval",
     "elasticity": "elasticity",
@@ -18,7 +18,7 @@ METRICS = {
     "quasi_static_stress_increase_percent": "increase of the quasi-static stress",
     "dynamic_stress_increase_percent": "increase of the dynamic stress",
 }
-MARKS = {DAYS: "days", "1": "", "d": "days"}
+MARKS = {INTERVAL: "days", "1": "", "d": "days"}
 
 
 def cut(text: str, length: int = 160) -> str:
@@ -43,7 +43,7 @@ def band(row: SummaryRow, factor: float = 1.0) -> str:
     """P5 to P95 of ``row``."""
     low, high = level(row, 0.05, factor), level(row, 0.95, factor)
     if low == high:
-        return "the same on every track" if low != NOT_REACHED else NOT_REACHED
+        return "the same in every realisation" if low != NOT_REACHED else NOT_REACHED
     return f"{low} to {high}"
 
 

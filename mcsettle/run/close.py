@@ -38,7 +38,7 @@ from mcsettle.study.effects import StudyEffect
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study
 from mcsettle.summary.courses import courses
-from mcsettle.summary.results import read_results, study_of
+from mcsettle.summary.results import INTERVAL, read_results, study_of
 from mcsettle.summary.sign_split import sign_rows
 from mcsettle.summary.summary import summary_rows
 
@@ -190,8 +190,8 @@ def _paired(
     base = parts[variant, member.index, effect.baseline]
     other = parts[variant, member.index, effect.scenario]
     return economics.paired_effects(
-        base["tamping_interval_days"].to_numpy(float),
-        other["tamping_interval_days"].to_numpy(float),
+        base[INTERVAL].to_numpy(float),
+        other[INTERVAL].to_numpy(float),
         base["censored_at_days"].to_numpy(float),
         other["censored_at_days"].to_numpy(float),
         effect.change,

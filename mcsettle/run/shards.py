@@ -82,7 +82,7 @@ def parse_slice(text: str) -> Slice:
     found = _SLICE.fullmatch(text)
     if found is None or not 1 <= int(found[1]) <= int(found[2]):
         raise InputError(
-            f'--shards received "{text}"; it takes I/N with I from 1 to N, such as 17/64'
+            f'shards= received "{text}"; it takes I/N with I from 1 to N, such as 17/64'
         )
     return Slice(int(found[1]), int(found[2]))
 

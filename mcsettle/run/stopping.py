@@ -16,13 +16,13 @@ from mcsettle.run.pipeline import Finished, run_study
 from mcsettle.run.status import held_shards
 from mcsettle.storage.location import Where, place
 from mcsettle.study.study import Study
-from mcsettle.summary.results import read_results
+from mcsettle.summary.results import INTERVAL, read_results
 from mcsettle.summary.summary import SummaryRow, summary_rows
 from mcsettle.types import Progress
 
 FIRST_BATCH = 64
 METRICS = {
-    "tamping_interval": "tamping_interval_days",
+    "tamping_interval": INTERVAL,
     "reduction": "reduction_percent",
     "elasticity": "elasticity",
     "marginal_cost": "marginal_cost",

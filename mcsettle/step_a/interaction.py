@@ -12,7 +12,6 @@ functions that are all Step B knows; ``save`` and ``load`` keep them on disk.
 
 import hashlib
 import json
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +22,8 @@ from mcsettle.railway.traffic import Train
 from mcsettle.railway.vehicle import vehicle_compliance
 from mcsettle.step_a.transfer import TrackResponse, TransferFunctions, WavenumberSpectra
 from mcsettle.step_a.transfer_file import load, save
+from mcsettle.types import Progress
+from mcsettle.units import KMH
 
 __all__ = [
     "HERTZ_STIFFNESS",
@@ -94,27 +95,20 @@ def precompute(
     response: TrackResponse,
     wavenumbers: Array,
     hertz_stiffness: float = HERTZ_STIFFNESS,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     whole: bool = False,
 ) -> TransferFunctions:
     """Transfer functions of one train at one speed on one track.
 
     Parameters
     ----------
-    train
-        The train; all of its axles act together.
-    speed
-        v [m/s].
-    response
-        Step A of the track.
-    wavenumbers
-        κ of the profile modes [rad/m], shape [K], positive.
-    hertz_stiffness
-        Contact stiffness [N/m per wheelset].
-    progress
-        Called with (done, total) after each of the K + 1 driving frequencies.
-    whole
-        The whole load of a wheelset on each rail: receptance and stresses doubled.
+    train : all of its axles act together
+    speed : v [m/s]
+    response : Step A of the track
+    wavenumbers : κ of the profile modes [rad/m], shape [K], positive
+    hertz_stiffness : of the contact [N/m per wheelset]
+    progress : called with (stage, done, total) after each of the K + 1 driving frequencies
+    whole : the whole load of a wheelset on each rail: receptance and stresses doubled
 
     Raises
     ------
@@ -123,36 +117,9 @@ def precompute(
     """
     kappa = np.array(wavenumbers, dtype=float)
     _check(speed, kappa, hertz_stiffness)
-    positions = train.axle_positions
-    size, modes, depths = positions.size, kappa.size, response.grid.z.size
-    quasi_static, deflection = np.empty((size, 4, depths)), np.empty(size)
-    dynamic = np.empty((size, modes, 4, depths), dtype=complex)
-    force = np.empty((size, modes), dtype=complex)
-    own = np.empty(modes, dtype=complex)
-    waves, phases = np.empty(0), np.empty((size, 0), dtype=complex)
-    omegas = np.concatenate([[0.0], kappa * speed])
-    for step, spectra in enumerate(response.spectra(speed, omegas)):
-        if whole:
-            spectra = replace(
-                spectra, receptance=2.0 * spectra.receptance, stress=2.0 * spectra.stress
-            )
-        if spectra.wavenumbers is not waves:
-            waves, phases = spectra.wavenumbers, _phases(spectra.wavenumbers, positions)
-        if step == 0:
-            stress, rail = _under_axles(spectra, phases, train.axle_forces.astype(complex))
-            quasi_static[:], deflection[:] = stress.real, rail.real
-        else:
-            mode = step - 1
-            ahead = np.exp(1j * kappa[mode] * positions)
-            track = _track_compliance(spectra, phases)
-            vehicle = train_compliance(train, float(omegas[step]))
-            forces = dynamic_forces(vehicle, track, ahead, hertz_stiffness)
-            stress, _ = _under_axles(spectra, phases, forces)
-            dynamic[:, mode] = stress * ahead.conj()[:, None, None]
-            force[:, mode] = forces * ahead.conj()
-            own[mode] = track[0, 0]
-        if progress is not None:
-            progress(step + 1, omegas.size)
+    quasi_static, deflection, dynamic, force, compliance = _swept(
+        train, speed, response, kappa, hertz_stiffness, progress, whole
+    )
     return TransferFunctions(
         train=train.name,
         speed=speed,
@@ -161,7 +128,7 @@ def precompute(
         quasi_static=quasi_static,
         dynamic=dynamic,
         force=force,
-        track_compliance=own,
+        track_compliance=compliance,
         geostatic=response.geostatic,
         rail_deflection=deflection,
         digest=transfer_digest(
@@ -193,6 +160,54 @@ def transfer_digest(
     if loads.description:
         description["rail_loads"] = loads.description
     return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()
+
+
+def _swept(
+    train: Train,
+    speed: float,
+    response: TrackResponse,
+    kappa: Array,
+    hertz_stiffness: float,
+    progress: Progress | None,
+    whole: bool,
+) -> tuple[Array, Array, ComplexArray, ComplexArray, ComplexArray]:
+    """Of the axles: stress [J, 4, Z] and deflection [J] at rest, stress [J, K, 4, Z] and force [J, K] by
+    mode; the track's compliance [K] under an axle by itself.
+    """
+    positions = train.axle_positions
+    size, modes, depths = positions.size, kappa.size, response.grid.z.size
+    quasi_static, deflection = np.empty((size, 4, depths)), np.empty(size)
+    dynamic = np.empty((size, modes, 4, depths), dtype=complex)
+    force, compliance = np.empty((size, modes), dtype=complex), np.empty(modes, dtype=complex)
+    waves, phases = np.empty(0), np.empty((size, 0), dtype=complex)
+    omegas = np.concatenate([[0.0], kappa * speed])
+    stage = f"Step A: {train.name} at {speed / KMH:.0f} km/h"
+    for step, spectra in enumerate(response.spectra(speed, omegas)):
+        if whole:
+            spectra = _doubled(spectra)
+        if spectra.wavenumbers is not waves:
+            waves, phases = spectra.wavenumbers, _phases(spectra.wavenumbers, positions)
+        if step == 0:
+            stress, rail = _under_axles(spectra, phases, train.axle_forces.astype(complex))
+            quasi_static[:], deflection[:] = stress.real, rail.real
+        else:
+            mode = step - 1
+            excitation = np.exp(1j * kappa[mode] * positions)
+            track = _track_compliance(spectra, phases)
+            vehicle = train_compliance(train, float(omegas[step]))
+            forces = dynamic_forces(vehicle, track, excitation, hertz_stiffness)
+            stress, _ = _under_axles(spectra, phases, forces)
+            dynamic[:, mode] = stress * excitation.conj()[:, None, None]
+            force[:, mode] = forces * excitation.conj()
+            compliance[mode] = track[0, 0]
+        if progress is not None:
+            progress(stage, step + 1, omegas.size)
+    return quasi_static, deflection, dynamic, force, compliance
+
+
+def _doubled(spectra: WavenumberSpectra) -> WavenumberSpectra:
+    """The response to twice the force."""
+    return replace(spectra, receptance=2.0 * spectra.receptance, stress=2.0 * spectra.stress)
 
 
 def _phases(wavenumbers: Array, positions: Array) -> ComplexArray:

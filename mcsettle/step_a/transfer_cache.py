@@ -126,6 +126,4 @@ def _computed(passage: _Passage, progress: Progress | None) -> TransferFunctions
         small = response if passage.small_strain is None else passage.small_strain()
         return with_rail_bending(transfer, response, small, loads.bending_share, passage.digest)
     train, speed = service.train, service.speed
-    text = f"Step A: {train.name} at {speed * 3.6:.0f} km/h"
-    steps = None if progress is None else lambda done, total: progress(text, done, total)
-    return precompute(train, speed, response, passage.modes, passage.contact, steps, loads.whole)
+    return precompute(train, speed, response, passage.modes, passage.contact, progress, loads.whole)

@@ -59,8 +59,7 @@ def integrate(
     -------
     Path
     """
-    n = len(state)
-    u = state.copy()
+    n, u = len(state), state.copy()
     time, step = np.zeros(n), np.full(n, min(0.05, end))
     sd = np.full((n, len(samples)), np.nan)
     sd[:, samples <= 0.0] = roughness.sd(u[:, :-1])[:, None]

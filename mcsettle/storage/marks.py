@@ -95,5 +95,5 @@ def refuse_others(paths: Sequence[Path], study: str, force: bool = False) -> Non
             continue
         what = "not written by mcsettle" if mark is None else "of another study"
         raise InputError(
-            f"'{path}' is there already and is {what}; name another file, or give --force to replace it"
+            f"'{path}' is there already and is {what}; name another file, or give force= to replace it"
         )

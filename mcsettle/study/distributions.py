@@ -45,7 +45,8 @@ class Distribution:
 
     def share_below(self, value: np.ndarray | float) -> np.ndarray:
         """Cumulative probability of the cut distribution at ``value``, any shape."""
-        share = np.asarray(self.frozen.cdf(value), dtype=float)
+        with np.errstate(over="ignore"):  # no number of standard deviations is too large
+            share = np.asarray(self.frozen.cdf(value), dtype=float)
         return np.asarray(np.clip((share - self.from_) / (self.to - self.from_), 0.0, 1.0))
 
     @property
@@ -119,8 +120,9 @@ def distribution(
         return Distribution(frozen, endless=endless)
     if kind == "discrete":
         raise InputError("a discrete distribution is not truncated: leave the values out")
-    low = 0.0 if at_least is None else float(frozen.cdf(at_least))
-    high = 1.0 if at_most is None else float(frozen.cdf(at_most))
+    complete = Distribution(frozen)
+    low = 0.0 if at_least is None else float(complete.share_below(at_least))
+    high = 1.0 if at_most is None else float(complete.share_below(at_most))
     if not high - low > TAIL:
         bounds = f"at_least = {at_least}, at_most = {at_most}"
         raise InputError(f"truncation ({bounds}) leaves {max(high - low, 0.0):.2g} of it")
@@ -146,6 +148,14 @@ def _positive(kind: str, given: Mapping[str, Any], *names: str) -> list[float]:
     return [float(given[name]) for name in names]
 
 
+def _check_felt(kind: str, name: str, spread: float, centre: float) -> None:
+    if centre + spread == centre:
+        raise InputError(
+            f"{kind}: {name} is {spread:g}, which rounding loses beside {centre:g}; leave the input "
+            "out of [[uncertain]], or give it a spread"
+        )
+
+
 def _range(kind: str, given: Mapping[str, Any]) -> tuple[float, float]:
     low, high = float(given["low"]), float(given["high"])
     if not low < high:
@@ -156,7 +166,9 @@ def _range(kind: str, given: Mapping[str, Any]) -> tuple[float, float]:
 def _normal(given: Mapping[str, Any]) -> Any:
     from scipy import stats
 
-    return stats.norm(given["mean"], *_positive("normal", given, "sd"))
+    (sd,) = _positive("normal", given, "sd")
+    _check_felt("normal", "sd", sd, float(given["mean"]))
+    return stats.norm(given["mean"], sd)
 
 
 def _lognormal(given: Mapping[str, Any]) -> Any:
@@ -164,6 +176,7 @@ def _lognormal(given: Mapping[str, Any]) -> Any:
 
     name = "cov" if "cov" in given else "log_sd"
     median, spread = _positive("lognormal", given, "median", name)
+    _check_felt("lognormal", name, spread, 1.0)
     log_sd = float(np.sqrt(np.log1p(spread**2))) if name == "cov" else spread
     return stats.lognorm(log_sd, scale=median)
 

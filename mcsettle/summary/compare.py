@@ -171,7 +171,7 @@ def _effect_change(
 def _why_unpaired(first: Study, second: Study) -> str:
     """Why the same index is not the same track in both; empty where it is."""
     if first.seed != second.seed:
-        return f"seeds {first.seed} and {second.seed}: other tracks"
+        return f"seeds {first.seed} and {second.seed}: other realisations"
     if first.profile != second.profile:
         return "the initial profiles are described differently"
     if first.uncertain != second.uncertain or first.correlations != second.correlations:

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from mcsettle.estimate.observation import Course
+from mcsettle.summary.results import INTERVAL
 
 KEYS = ["parameter_set", "realisation"]
 
@@ -24,7 +25,7 @@ def courses(variant: str, realisations: pd.DataFrame, history: pd.DataFrame) -> 
 def _course(rows: pd.DataFrame, history: pd.DataFrame) -> Course:
     rows = rows.sort_values(KEYS)
     shape = rows["parameter_set"].nunique(), rows["realisation"].nunique()
-    days = rows["tamping_interval_days"].to_numpy(dtype=float, na_value=np.nan)
+    days = rows[INTERVAL].to_numpy(dtype=float, na_value=np.nan)
     days = np.where((rows["status"] == "censored").to_numpy(), np.inf, days).reshape(shape)
     if history.empty:
         nothing = np.full((*shape, 1), np.nan)

@@ -27,7 +27,9 @@ from mcsettle.summary.results import INTERVAL
 from mcsettle.summary.samples import matrix, sets_of
 from mcsettle.units import DAYS_PER_YEAR
 
-IDENTITY = 1e-12  # relative variance of a paired effect below which it is the same on every track
+IDENTITY = (
+    1e-12  # relative variance of a paired effect below which it is the same in every realisation
+)
 
 
 def interval_spread(
@@ -183,7 +185,7 @@ def _pairing(base: np.ndarray, other: np.ndarray) -> list[Statistic]:
     first, second = (_within_sets(np.where(both, days, np.nan)) for days in (base, other))
     gain, correlation = _gain(first, second), float(np.corrcoef(first, second)[0, 1])
     if gain is None:
-        missing = Estimate(None, None, None, None, n, 0, "1", "the same on every track")
+        missing = Estimate(None, None, None, None, n, 0, "1", "the same in every realisation")
         return [Statistic("pairing_gain", None, missing)]
     blocks = np.array_split(np.arange(n), min(n, 50))
     left = [_gain(np.delete(first, b), np.delete(second, b)) for b in blocks]

@@ -156,7 +156,8 @@ def test_interior_cars_are_alike(vehicle, cars):
 def test_progress_counts_every_frequency(response):
     seen = []
     precompute(TRAIN, SPEED, response, KAPPA, progress=lambda *now: seen.append(now))
-    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    stage = f"Step A: {TRAIN.name} at {SPEED / KMH:.0f} km/h"
+    assert seen == [(stage, done, 4) for done in (1, 2, 3, 4)]
 
 
 def test_input_is_checked(response):

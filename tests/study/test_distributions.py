@@ -52,6 +52,12 @@ def test_truncation_cuts_and_keeps_the_shape():
     np.testing.assert_allclose(cut.ends, (-1.0, 2.0), rtol=1e-9)
 
 
+def test_bounds_any_number_of_deviations_away():
+    cut = distribution("normal", {"mean": 0.0, "sd": 1e-308}, -1.0, 1.0)
+    assert (cut.from_, cut.to) == (0.0, 1.0)
+    assert float(cut.share_below(5.0)) == 1.0
+
+
 def test_ends():
     """Of a bounded distribution the bounds; of an endless side what one draw in a million passes."""
     assert distribution("log_uniform", {"low": 3e4, "high": 1e6}).ends == (3e4, 1e6)
@@ -68,6 +74,8 @@ def test_ends():
     [
         ("normal", {"mean": 1.0}, (), "needs sd"),
         ("normal", {"mean": 1.0, "sd": -1.0}, (), "must be positive"),
+        ("normal", {"mean": 17.0, "sd": 1e-308}, (), "rounding loses beside 17"),
+        ("lognormal", {"median": 3.0, "log_sd": 1e-17}, (), "rounding loses"),
         ("normal", {"mean": 1.0, "sd": 1.0, "mode": 1.0}, (), "mode has no meaning"),
         ("lognormal", {"median": 1.0}, (), "cov or log_sd"),
         ("lognormal", {"median": 1.0, "cov": 0.1, "log_sd": 0.1}, (), "cov or log_sd"),

@@ -122,6 +122,7 @@ def test_loads_that_cannot_be():
     assert "has neither" in text  # every fault at once
 
 
+@pytest.mark.usefixtures("fresh_cache")
 def test_a_run_with_every_form(tmp_path):
     """Fields, factors, bending and equivalent cycles together, the same whatever the batch."""
     import mcsettle as ms

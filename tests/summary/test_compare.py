@@ -58,7 +58,7 @@ def test_censored_pairs_bound_the_change(tmp_path: Path) -> None:
 
 def test_other_tracks_are_not_paired(tmp_path: Path) -> None:
     found = compare(read_results(run(tmp_path / "a")), read_results(run(tmp_path / "b", seed=2)))
-    assert found.unpaired == "seeds 1 and 2: other tracks"
+    assert found.unpaired == "seeds 1 and 2: other realisations"
     assert all(row.change == () for row in found.rows)
     other = read_results(run(tmp_path / "c", profile={"sd_mm": 1.1}))
     assert "profiles" in compare(read_results(tmp_path / "a"), other).unpaired

@@ -43,7 +43,7 @@ def grounds_figure(report: "GroundReport") -> Figure:
     unknown.set_xlabel("segment, by its median interval")
     unknown.set_xlim(-1.0, len(rows))
     figure.suptitle(f"{report.study.title}\n{report.variant}, {report.scenario}")
-    note(figure, "Dots: medians; bars: P5 to P95 over grounds (by probability) and tracks. "
+    note(figure, "Dots: medians; bars: P5 to P95 over grounds (by probability) and realisations. "
          "Not known: probability of grounds that failed or were not run.")  # fmt: skip
     return figure
 

@@ -235,7 +235,7 @@ def convergence_figure(curves: Sequence[Convergence], label: str) -> Figure:
     counts = sorted({int(n) for curve in curves for n in curve.counts})
     axes.set_xticks(counts, [str(n) for n in counts])
     axes.minorticks_off()
-    axes.set(xlabel="tracks", ylabel=label)
+    axes.set(xlabel="realisations", ylabel=label)
     finish(axes)
     return figure
 
@@ -292,7 +292,9 @@ def draw_survival(axes: Axes, curves: Sequence[Survival]) -> None:
                 curve.published, 0.5, "o", color=style["color"], markeredgecolor="k", zorder=3
             )
     axes.axhline(0.5, color=GREY, linewidth=0.6)
-    axes.set(xlabel="days of traffic", ylabel="share of tracks not yet tamped", ylim=(0.0, 1.02))
+    axes.set(
+        xlabel="days of traffic", ylabel="share of realisations not yet tamped", ylim=(0.0, 1.02)
+    )
     axes.set_xlim(left=0.0)
     if any(c.published is not None for c in curves):
         axes.plot([], [], "o", color="w", markeredgecolor="k", label="published")

@@ -4,23 +4,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from mcsettle.railway.record_findings import Kind
 from mcsettle.study.schema.base import Column, FileName, Spectrum, Table
 from mcsettle.study.schema.quantities import Metres, Millimetres, in_plain
 from mcsettle.units import MM
 
 Mark = Annotated[str, Field(min_length=1, max_length=40)]  # what stands where nothing was read
-Repair = Literal[
-    "missing",
-    "implausible",
-    "constant",
-    "steps",
-    "restarts",
-    "unordered",
-    "repeated",
-    "short_kilometres",
-    "gaps",
-    "spikes",
-]
 
 
 class RecordTable(Table):
@@ -48,7 +37,7 @@ class RecordTable(Table):
     skip_after_heading: Annotated[int, Field(ge=0, le=100)] | None = None
     dates: Literal["iso", "day_first", "month_first"] | None = None
     run: Column | None = None
-    repair: Annotated[tuple[Repair, ...], Field(max_length=10)] = ()
+    repair: Annotated[tuple[Kind, ...], Field(max_length=10)] = ()
     longest_gap_m: Annotated[Metres, Field(le=100)] = 5.0
     already_filtered: Literal["en13848_d1"] | None = None
     versine_chord_m: Annotated[Metres, Field(ge=1, le=100)] | None = None
