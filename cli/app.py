@@ -11,6 +11,7 @@ import typer
 from mcsettle.cli.calibrate import calibrate
 from mcsettle.cli.check import check
 from mcsettle.cli.doctor import doctor
+from mcsettle.cli.examples import EXAMPLES
 from mcsettle.cli.grounds import grounds
 from mcsettle.cli.init import init, schema
 from mcsettle.cli.life import life
@@ -58,7 +59,7 @@ for verb in (
     *(init, check, schema, run, plan, status, gather, summarise, report, export, compare),
     *(calibrate, tornado, life, sections, grounds, track, profile, validate, doctor),
 ):
-    app.command()(verb)
+    app.command(epilog=f"Example: {EXAMPLES[verb.__name__]}")(verb)
 
 
 def main() -> None:

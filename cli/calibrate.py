@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.options import StudyFile, Variant
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.terminal import Progress, cores, plainly, say, warn
 from mcsettle.errors import InputError
 
@@ -40,9 +41,7 @@ def calibrate(
     variant: Variant = None,
 ) -> None:
     """Find the settlement factor that meets a median interval, or the observed SDs of a section."""
-    from mcsettle.study.study import load_study
-
-    loaded = load_study(study)
+    loaded = study_in(study)
     loaded.scenario(scenario)
     if variant is not None:
         loaded.variant(variant)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcsettle.cli.options import StudyFile
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.terminal import as_options, plainly, say, warn
 
 if TYPE_CHECKING:
@@ -20,9 +21,9 @@ def check(
     ] = False,
 ) -> None:
     """Validate a study without running it: all faults at once."""
-    from mcsettle.study.study import load_study, resolved_toml
+    from mcsettle.study.study import resolved_toml
 
-    loaded = load_study(study)
+    loaded = study_in(study)
     for variant in loaded.variant_names:  # refused where a record has too few sections
         loaded.initial_profiles(variant).sample(range(loaded.run.realisations)[-1:])
     warn_of(loaded)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.options import Force, Json, StudyFile, Variant
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.tables import shown
 from mcsettle.cli.terminal import inform, plainly, refuse_url, say
 from mcsettle.errors import InputError
@@ -33,9 +34,7 @@ def grounds(
     force: Force = False,
 ) -> None:
     """List the grounds of a study, or print what a run says of them, segment by segment."""
-    from mcsettle.study.study import load_study
-
-    loaded = load_study(study)
+    loaded = study_in(study)
     if results is None:
         say("\n".join(list_lines(loaded)))
         return

@@ -8,6 +8,15 @@ import typer
 from mcsettle.cli.terminal import inform, plainly, say
 from mcsettle.errors import InputError
 
+SCHEMA = "study.schema.json"  # the first line of every study names it for editors
+
+
+def example_names(incomplete: str) -> list[str]:
+    """Names of examples that begin so, for the completion of the shell."""
+    from mcsettle.study.examples import example_titles
+
+    return [name for name in example_titles() if name.startswith(incomplete)]
+
 
 @plainly
 def init(
@@ -16,7 +25,11 @@ def init(
     ] = None,
     example: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="An example, with its data files, instead."),
+        typer.Option(
+            metavar="NAME",
+            help="An example, with its data files, instead.",
+            autocompletion=example_names,
+        ),
     ] = None,
     list_examples: Annotated[
         bool, typer.Option("--list", help="List the examples and write nothing.")
@@ -34,6 +47,7 @@ def init(
         return
     study, contents = _contents(path, example)
     _write(contents)
+    _write_schema(study.parent / SCHEMA)
     data = len(contents) - 1
     beside = f" and {data} data file{'s' if data > 1 else ''} beside it" if data else ""
     inform(f"Wrote {study}{beside}. Next: mcsettle check {study}")
@@ -80,11 +94,21 @@ def _write(contents: dict[Path, bytes]) -> None:
             raise InputError(f"{file} cannot be written: {error.strerror}") from None
 
 
-@plainly
-def schema() -> None:
-    """Print the JSON Schema of study files, for editors."""
+def _write_schema(file: Path) -> None:
+    """What editors complete and check the study by; a file that is there stays as it is."""
+    if not file.exists():
+        file.write_text(_schema_text() + "\n", encoding="utf-8")
+
+
+def _schema_text() -> str:
     import json
 
     from mcsettle.study.schema.study import json_schema
 
-    say(json.dumps(json_schema(), indent=2, ensure_ascii=False), True)
+    return json.dumps(json_schema(), indent=2, ensure_ascii=False)
+
+
+@plainly
+def schema() -> None:
+    """Print the JSON Schema of study files, for editors."""
+    say(_schema_text(), True)

@@ -24,6 +24,7 @@ TAICHI = "1.7.4"
 EXTRAS = (
     ("distributed", "distributed", "2026.8.0", "run --scheduler"),
     ("pdf", "playwright", None, "report --pdf"),
+    ("quadrants", "quadrants", "1.3.3", "MCSETTLE_RUNTIME=quadrants"),
     ("xarray", "xarray", None, "Results.to_xarray"),
     ("xlsx", "XlsxWriter", None, "export to a workbook"),
 )
@@ -47,7 +48,7 @@ class Check:
 def examine() -> list[Check]:
     """Look at everything; never raises."""
     checks: tuple[Callable[[], Check], ...] = (
-        _python, _libraries, _extras, _stores, _threads, _taichi, _cache, _stale, _disk,
+        _python, _libraries, _extras, _stores, _threads, _kernels, _cache, _stale, _disk,
     )  # fmt: skip
     return [_guarded(check) for check in checks]
 
@@ -128,7 +129,7 @@ def _threads() -> Check:
     return Check("threads", "ok", found)
 
 
-def _taichi() -> Check:
+def _kernels() -> Check:
     """Compile and run a kernel in double precision, compare with NumPy."""
     try:
         from mcsettle.kernels import runtime, smoke
@@ -138,16 +139,16 @@ def _taichi() -> Check:
         error = smoke.largest_error()
     except Exception as failure:
         advice = (
-            f"pip install --force-reinstall taichi=={TAICHI}; it needs a 64-bit x86 or ARM processor "
-            "and glibc 2.27 or newer"
+            f"pip install --force-reinstall taichi=={TAICHI}, or quadrants where MCSETTLE_RUNTIME "
+            "says so; it needs a 64-bit x86 or ARM processor and glibc 2.27 or newer"
         )
-        return Check("taichi", "failed", f"{type(failure).__name__}: {failure}", advice)
+        return Check("kernels", "failed", f"{type(failure).__name__}: {failure}", advice)
     took = time.monotonic() - started
-    found = f"Taichi {runtime.version()}, kernel against NumPy: {error:.1e} ({took:.1f} s)"
+    found = f"{runtime.NAME} {runtime.version()}, one against NumPy: {error:.1e} ({took:.1f} s)"
     if error <= PRECISION:
-        return Check("taichi", "ok", found)
-    advice = "results would be wrong: reinstall taichi, and report the processor if that is no cure"
-    return Check("taichi", "failed", found, advice)
+        return Check("kernels", "ok", found)
+    advice = "results would be wrong: reinstall the compiler, and report the processor if that is no cure"
+    return Check("kernels", "failed", found, advice)
 
 
 def _cache() -> Check:
@@ -177,13 +178,13 @@ def _stale() -> Check:
 def stale_files(folder: Path, now: float) -> list[Path]:
     """Entries of the cache ``folder`` that no version installed here will read again.
 
-    Compiled kernels of other sources or another Taichi, and files that a writer left unfinished
-    more than an hour before ``now`` [s since 1970].
+    Compiled kernels of other sources or another version, and files that a writer left unfinished more
+    than an hour before ``now`` [s since 1970].
     """
     from mcsettle.kernels import runtime
 
     current = runtime.cache_name()
-    kernels = [path for path in folder.glob("taichi-*") if path.name != current]
+    kernels = [p for p in folder.glob(f"{runtime.NAME}-*") if p.name != current]
     unfinished = [
         path
         for path in folder.glob(".*")

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.check import warn_of
-from mcsettle.cli.options import Force, Json, StudyFile
+from mcsettle.cli.options import Force, Json, Realisations, StudyFile
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.tables import shown
 from mcsettle.cli.terminal import Progress, checked_folder, cores, inform, plainly, say
 from mcsettle.estimate.rounding import with_error
@@ -27,15 +28,14 @@ LEVELS = (0.05, 0.5, 0.95)
 def life(
     study: StudyFile,
     out: Annotated[Path | None, typer.Option(help="Folder for tables (Parquet).")] = None,
-    realisations: Annotated[int | None, typer.Option(min=1, help="Tracks to follow.")] = None,
+    realisations: Realisations = None,
     json_output: Json = False,
     force: Force = False,
 ) -> None:
     """Tamp a study's tracks again and again to renewal; present and marginal cost beside Eq. (4)."""
     from mcsettle.storage.marks import refuse_others
-    from mcsettle.study.study import load_study
 
-    loaded = load_study(study)
+    loaded = study_in(study)
     if out is not None:
         checked_folder(out)
         names = ("lives.parquet", "tampings.parquet")

@@ -5,7 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, ParamSpec, TypeVar, get_type_hints
 
-from typer import Argument, Option
+from typer import Argument, BadParameter, Option
+
+from mcsettle.errors import InputError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -15,8 +17,22 @@ StudyFiles = Annotated[
     list[Path], Argument(metavar="STUDY...", help="Study file (TOML), or several.")
 ]
 Folder = Annotated[Path, Argument(metavar="DIR", help="Folder of a run, or its URL.")]
-Realisations = Annotated[int | None, Option(min=1, help="Tracks to simulate.")]
-ParameterSets = Annotated[int | None, Option(min=1, help="Draws of the uncertain inputs.")]
+
+
+def as_allowed(n: int | None) -> int | None:
+    """As many realisations or parameter sets as ``MCSETTLE_REALISATIONS`` allows."""
+    from mcsettle.study.sample_cap import capped
+
+    try:
+        return None if n is None else capped(n)
+    except InputError as error:
+        raise BadParameter(str(error)) from None
+
+
+Realisations = Annotated[int | None, Option(min=1, callback=as_allowed, help="Tracks to simulate.")]
+ParameterSets = Annotated[
+    int | None, Option(min=1, callback=as_allowed, help="Draws of the uncertain inputs.")
+]
 Threads = Annotated[int | None, Option(min=1, help="Threads (default: all cores).")]
 Batch = Annotated[int | None, Option(min=1, help="Realisations at a time.")]
 Exact = Annotated[bool, Option("--exact", help="Update the profile after every axle passage.")]

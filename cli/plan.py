@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from mcsettle.cli.options import Batch, Exact, Json, ParameterSets, Realisations, StudyFile, Threads
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.terminal import Progress, cores, inform, plainly, say, warn
 
 if TYPE_CHECKING:
@@ -24,9 +25,7 @@ def plan(
     json_output: Json = False,
 ) -> None:
     """Say what a run will take: realisations, memory, disk, time, from a short probe."""
-    from mcsettle.study.study import load_study
-
-    loaded = load_study(study)
+    loaded = study_in(study)
     for warning in loaded.warnings:
         warn(f"warning: {warning}")
     from mcsettle.run.plan import plan as plan_of

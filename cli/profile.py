@@ -10,6 +10,7 @@ import typer
 from typer import Option
 
 from mcsettle.cli.options import Force, Json, option_name, taking
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.terminal import checked_folder, inform, plainly, say
 from mcsettle.errors import InputError
 from mcsettle.estimate.rounding import with_error
@@ -106,7 +107,6 @@ def report_of(path: Path, given: dict[str, Any], speed: float | None) -> "Profil
     from mcsettle.analysis.profile import profile_report
     from mcsettle.railway.irregularity import wavenumbers
     from mcsettle.study.build import build_record
-    from mcsettle.study.study import load_study
 
     if path.suffix.lower() == ".toml":
         if given:
@@ -114,7 +114,7 @@ def report_of(path: Path, given: dict[str, Any], speed: float | None) -> "Profil
                 f"{path} is a study and says how its record is read; leave out "
                 + ", ".join(option_name(RecordOptions, key) for key in given)
             )
-        study = load_study(path)
+        study = study_in(path)
     else:
         study = _study_around(path, given)
     record = study.record()

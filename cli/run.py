@@ -17,6 +17,7 @@ from mcsettle.cli.options import (
     TakeOver,
     Threads,
 )
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.terminal import (
     MISSED,
     PARTIAL,
@@ -88,11 +89,10 @@ def run(
     """
     from mcsettle.run.options import RunOptions
     from mcsettle.run.shards import parse_slice
-    from mcsettle.study.study import load_study
 
     with_cache(cache)
     folders = own_folders(studies, out)
-    loaded = [load_study(study) for study in studies]
+    loaded = [study_in(study) for study in studies]
     checked_out(out)
     together(shards, scheduler, until, max_minutes)
     for study in loaded:

@@ -10,6 +10,7 @@ import typer
 
 from mcsettle.cli.check import warn_of
 from mcsettle.cli.options import Force, Json, StudyFile
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.terminal import Progress, cores, inform, plainly, say
 from mcsettle.errors import InputError
 from mcsettle.units import DAYS_PER_YEAR, MM
@@ -41,12 +42,11 @@ def sections(
 ) -> None:
     """Say when each section of a line must be tamped: its own rate, its dates, a plan."""
     from mcsettle.storage.marks import refuse_others, write_marked
-    from mcsettle.study.study import load_study
 
     for path, kinds in ((table, TABLES), (picture, (".png", ".svg"))):
         if path is not None and path.suffix.lower() not in kinds:
             raise InputError(f"{path}: choose a name that ends in {', '.join(kinds)}")
-    loaded = load_study(study)
+    loaded = study_in(study)
     files = [path for path in (table, picture) if path is not None]
     refuse_others(files, loaded.identity, force)  # before anything takes its time
     warn_of(loaded)

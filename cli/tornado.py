@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcsettle.cli.options import Json, StudyFile, Variant
+from mcsettle.cli.options import Json, StudyFile, Variant, as_allowed
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.tables import add_numbers, console, shown, table
 from mcsettle.cli.terminal import Progress, cores, plainly, say
 from mcsettle.errors import InputError
@@ -19,13 +20,13 @@ if TYPE_CHECKING:
 def tornado(
     study: StudyFile,
     variant: Variant = None,
-    realisations: Annotated[int, typer.Option(min=1, help="Tracks of each run.")] = 32,
+    realisations: Annotated[
+        int, typer.Option(min=1, callback=as_allowed, help="Tracks of each run.")
+    ] = 32,
     json_output: Json = False,
 ) -> None:
     """Move each uncertain input to its P10 and P90, the others central, on the same tracks."""
-    from mcsettle.study.study import load_study
-
-    loaded = load_study(study)
+    loaded = study_in(study)
     if variant is not None:
         loaded.variant(variant)
     if not loaded.uncertain:

@@ -8,6 +8,7 @@ import typer
 
 from mcsettle.cli.check import warn_of
 from mcsettle.cli.options import Force, StudyFile
+from mcsettle.cli.study_file import study_in
 from mcsettle.cli.terminal import Progress, checked_folder, cores, inform, plainly, say, warn
 
 if TYPE_CHECKING:
@@ -24,9 +25,7 @@ def track(
     force: Force = False,
 ) -> None:
     """Describe a study's track and trains: wave speeds, deflection, stresses, Table 4."""
-    from mcsettle.study.study import load_study
-
-    loaded = load_study(study)
+    loaded = study_in(study)
     if out is not None:
         checked_folder(out)
     warn_of(loaded)

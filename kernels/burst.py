@@ -3,8 +3,7 @@
 Coefficients are the same in every lane; layout, vectorisation and precision as in the spectral module.
 """
 
-import taichi as ti
-
+from mcsettle.kernels.backend import ti
 from mcsettle.kernels.spectral import ROWS, product, step_on
 from mcsettle.kernels.varying import keep_half, raise_mean, spread
 

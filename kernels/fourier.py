@@ -12,7 +12,7 @@ check it before every loop over lanes. Rows are masked with POINTS, which change
 the compiler that no index overflows, without which it works out every address anew.
 """
 
-import taichi as ti
+from mcsettle.kernels.backend import ti
 
 POINTS = 0x3FFFF  # mask of rows
 LARGEST = 28000  # points

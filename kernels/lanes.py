@@ -8,9 +8,9 @@ busy ones. A lane's result does not depend on its place, so moving changes nothi
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from mcsettle.kernels import pointwise
+from mcsettle.kernels.backend import ti
 from mcsettle.kernels.burst import burst
 from mcsettle.kernels.spectral import CAPACITY, LANES, Tables, workspace
 from mcsettle.kernels.varying import fields_of, is_alike
@@ -219,6 +219,6 @@ class PointwiseMarch(March):
     def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
         w = self.fields
         pointwise.burst(
-            load, weights, *self.tables, self.following, w.scratch, 0, self.power_limit,
+            load, weights, *self.tables, self.following, w.rows, w.scratch, 0, self.power_limit,
             self.n_tiles, self.n_groups, self._waves is not None, w.state,
         )  # fmt: skip

@@ -1,8 +1,9 @@
 """Taichi functions of the physics (twins of mcsettle.step_b.stress and mcsettle.step_b.settlement)."""
 
 import numpy as np
-import taichi as ti
 from numpy.polynomial import Chebyshev, Polynomial
+
+from mcsettle.kernels.backend import ti
 
 # Bits of a number in double precision: where its exponent begins, √½, and 1.5 · 2^52, adding which
 # rounds to an integer that is then found in the low bits; the same in single precision.

@@ -9,11 +9,10 @@ state and the sums over passages are in double precision all the same.
 """
 
 import functools
-from dataclasses import dataclass
 
 import numpy as np
-import taichi as ti
 
+from mcsettle.kernels.backend import bundle, ti
 from mcsettle.kernels.fourier import POINTS, forwards
 from mcsettle.kernels.pointwise_tile import (
     GROUPS,
@@ -41,24 +40,24 @@ WORKERS = 16
 SQUARES, BEGIN, NEXT, PLAIN = 0, 1, 2, 4
 
 
-@dataclass(frozen=True)
+@bundle
 class Scratch:
-    """Arrays over x of the workers, ``w`` [worker, row, lane], where their rows begin, and what each
-    realisation's growth of the cycle functions is multiplied by, ``own`` [tile, group, lane]; where the
-    support varies ``factors`` [tile, P X, lane] of the strain in P parts, x in the transforms' order.
+    """Arrays over x of the workers, ``w`` [worker, row, lane], and what each realisation's growth of the
+    cycle functions is multiplied by, ``own`` [tile, group, lane]; where the support varies ``factors``
+    [tile, P X, lane] of the strain in P parts, x in the transforms' order.
     """
 
-    rows: Rows
     own: ti.Field
     w: ti.Field
     factors: ti.Field
 
 
-@dataclass(frozen=True)
+@bundle
 class Workspace:
     """Fields of one band and grid, allocated once and reused for every batch (as spectral's)."""
 
     state: State
+    rows: Rows
     scratch: Scratch
     owner: list[object]
 
@@ -82,7 +81,7 @@ def _allocated(n_modes: int, n_points: int, precision: str, n_factors: int) -> W
     passages = ti.field(ti.i64, shape=(n_tiles, lanes))
     w = ti.field(PRECISIONS[precision], shape=(WORKERS, rows.count, lanes))
     factors = ti.field(ti.f64, shape=(n_tiles, max(n_factors, 1), lanes))
-    return Workspace(State(u, u, d, factor, uniform, passages), Scratch(rows, own, w, factors), [])
+    return Workspace(State(u, u, d, factor, uniform, passages), rows, Scratch(own, w, factors), [])
 
 
 @ti.kernel
@@ -101,6 +100,7 @@ def burst(
     band: ti.types.ndarray(dtype=ti.i32, ndim=1),  # first mode; butterflies of two modes: from, to
     closes: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [T] part that ends with the transform, or −1
     following: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [K] what the rail follows
+    rows: ti.template(),
     scratch: ti.template(),
     frozen: ti.i32,  # 1: profiles stay as they are, their growth adds up in ``state.d``
     power_limit: ti.f64,  # 2 sd_limit²
@@ -119,59 +119,59 @@ def burst(
         n_modes, first = linear.shape[2], band[0]
         for turn in range((n_tiles - p + WORKERS - 1) // WORKERS):
             t = (p + turn * WORKERS) & (state.u.shape[0] - 1)
-            clear_rows(p, scratch.rows.up, scratch.rows.weights, w)
-            put_one(p, scratch.rows.up, w)
+            clear_rows(p, rows.up, rows.weights, w)
+            put_one(p, rows.up, w)
             for step in range(axle.shape[0]):
                 j = axle[step]
                 # A passage over a profile of its own begins anew; growth at a frozen one adds up.
                 if frozen == 0 or step == 0:
-                    clear_rows(p, scratch.rows.settled, scratch.rows.squared[0], w)
-                    clear_rows(p, scratch.rows.grown, scratch.rows.weights, w)
+                    clear_rows(p, rows.settled, rows.squared[0], w)
+                    clear_rows(p, rows.grown, rows.weights, w)
                     if ti.static(varies):
-                        clear_rows(p, scratch.rows.gathered, scratch.rows.count, w)
-                    take_up(p, t, scratch.rows, n_modes, first, state.u, w)
-                weigh(p, t, j, step, n_groups, growth, constant, scratch, state)
-                add_linear(p, scratch.rows, j, first, linear, w)
+                        clear_rows(p, rows.gathered, rows.count, w)
+                    take_up(p, t, rows, n_modes, first, state.u, w)
+                weigh(p, t, j, step, n_groups, growth, constant, rows, scratch, state)
+                add_linear(p, rows, j, first, linear, w)
                 # Two fields at a time from modes to x, where they settle.
                 for c in range(start[j], start[j + 1]):
-                    first_pass(p, c, scratch.rows, response, wave, band, w)
-                    pick_weights(p, kind[c, 1], kind[c, 2], law[c, 0], scratch.rows, w)
+                    first_pass(p, c, rows, response, wave, band, w)
+                    pick_weights(p, kind[c, 1], kind[c, 2], law[c, 0], rows, w)
                     for quarter in range(4):
-                        begin = quarter * scratch.rows.q
-                        inner_passes(p, begin, scratch.rows, wave, w)
+                        begin = quarter * rows.q
+                        inner_passes(p, begin, rows, wave, w)
                         if kind[c, 0] == SQUARES:
-                            add_two(p, begin, True, scratch.rows, w)
+                            add_two(p, begin, True, rows, w)
                         elif kind[c, 0] == BEGIN:
-                            begin_power(p, begin, scratch.rows, 0, w)
+                            begin_power(p, begin, rows, 0, w)
                         elif kind[c, 0] == NEXT:
-                            begin_power(p, begin, scratch.rows, 1, w)
+                            begin_power(p, begin, rows, 1, w)
                         elif kind[c, 0] == PLAIN:
-                            add_two(p, begin, False, scratch.rows, w)
+                            add_two(p, begin, False, rows, w)
                         else:
-                            add_power(p, begin, law[c, 1], scratch.rows, w)
+                            add_power(p, begin, law[c, 1], rows, w)
                     if ti.static(varies):
                         if closes[c] >= 0:
-                            gather(p, t, closes[c], scratch)
+                            gather(p, t, closes[c], rows, scratch)
                 # What has settled, back to modes.
                 if frozen == 0 or step == axle.shape[0] - 1:
                     if ti.static(varies):
-                        take_gathered(p, scratch)
-                    forwards(w, p, scratch.rows.settled, scratch.rows.q, scratch.rows.points, wave)
-                    collect(p, t, scratch.rows, n_modes, first, wave, state, w)
-                    give_back(p, t, scratch.rows, n_modes, first, state.d, w)
+                        take_gathered(p, rows, scratch)
+                    forwards(w, p, rows.settled, rows.q, rows.points, wave)
+                    collect(p, t, rows, n_modes, first, wave, state, w)
+                    give_back(p, t, rows, n_modes, first, state.d, w)
                 if frozen == 0:
                     step_on(t, n_modes, power_limit, following, state)
 
 
 @ti.func
-def gather(p: int, t: int, part: int, scratch: ti.template()):
+def gather(p: int, t: int, part: int, rows: ti.template(), scratch: ti.template()):
     """Multiply what a part of the groups has settled at every x, and begin the next part."""
     w, factors = ti.static(scratch.w, scratch.factors)
-    q, s, g = ti.static(scratch.rows.q, scratch.rows.settled, scratch.rows.gathered)
-    quarter = ti.static(scratch.rows.points // 4)
-    for n in range(scratch.rows.points):
+    q, s, g = ti.static(rows.q, rows.settled, rows.gathered)
+    quarter = ti.static(rows.points // 4)
+    for n in range(rows.points):
         i = ((n // quarter) * q + n % quarter) & POINTS
-        at = part * scratch.rows.points + n
+        at = part * rows.points + n
         for lane in range(w.shape[2]):
             factor = ti.cast(factors[t, at, lane], w.dtype)
             w[p, i + g, lane] = w[p, i + g, lane] + factor * w[p, i + s, lane]
@@ -179,11 +179,11 @@ def gather(p: int, t: int, part: int, scratch: ti.template()):
 
 
 @ti.func
-def take_gathered(p: int, scratch: ti.template()):
+def take_gathered(p: int, rows: ti.template(), scratch: ti.template()):
     """What has settled in all parts."""
     w = ti.static(scratch.w)
-    s, g = ti.static(scratch.rows.settled, scratch.rows.gathered)
-    for row in range(4 * scratch.rows.q):
+    s, g = ti.static(rows.settled, rows.gathered)
+    for row in range(4 * rows.q):
         i = row & POINTS
         for lane in range(w.shape[2]):
             w[p, i + s, lane] = w[p, i + g, lane]
@@ -265,5 +265,18 @@ def evaluate(
         fill(u[part], weights[part], n_tiles, w.scratch.own, w.state)
         if factors is not None:
             put_factors(factors[part], n_tiles, w.scratch.factors)
-        burst(axles, ones, *tables, follows, w.scratch, 1, 0.0, n_tiles, n_groups, varies, w.state)
+        burst(
+            axles,
+            ones,
+            *tables,
+            follows,
+            w.rows,
+            w.scratch,
+            1,
+            0.0,
+            n_tiles,
+            n_groups,
+            varies,
+            w.state,
+        )
         fetch(w.state.d, w.state.uniform, change[part], uniform[part])

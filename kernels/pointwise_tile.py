@@ -5,10 +5,7 @@ known to the compiler; scratch rows ``w`` [worker, row, lane]; the tables and fi
 ``mcsettle.kernels.pointwise.burst``.
 """
 
-from dataclasses import dataclass
-
-import taichi as ti
-
+from mcsettle.kernels.backend import bundle, ti
 from mcsettle.kernels.fourier import (
     POINTS,
     back_4,
@@ -30,7 +27,7 @@ GROUPS = 64  # settlement groups at most: layers, or depths
 PAD = 9  # rows between quarters: powers of two would put them all into the same lines of the cache
 
 
-@dataclass(frozen=True)
+@bundle
 class Rows:
     """Where the scratch rows of a grid of N points begin: one field at known distances (``fourier``).
 
@@ -119,10 +116,10 @@ def take_up(
 @ti.func
 def weigh(
     p: int, t: int, j: int, step: int, n_groups: int, growth: ti.template(),
-    constant: ti.template(), scratch: ti.template(), state: ti.template(),
+    constant: ti.template(), rows: ti.template(), scratch: ti.template(), state: ti.template(),
 ):  # fmt: skip
     """Weights of the groups in this passage, and what settles whatever the profile."""
-    w, weights = ti.static(scratch.w, scratch.rows.weights)
+    w, weights = ti.static(scratch.w, rows.weights)
     for group in range(n_groups):
         g = group & (GROUPS - 1)
         every = growth[step, g]

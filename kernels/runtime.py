@@ -4,26 +4,15 @@ The compiler gives a parallel loop at least 512 iterations per thread by default
 few tiles would run on one core; the three ``cpu`` options below switch that rule off.
 """
 
-import atexit
 import contextlib
 import hashlib
 import io
 import os
-import shutil
 import tempfile
 from pathlib import Path
 
-os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
-os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
-try:
-    Path.home()
-except RuntimeError:  # a container's user without a name: Taichi would end the process
-    os.environ["HOME"] = tempfile.mkdtemp(prefix="mcsettle-home-")
-    atexit.register(shutil.rmtree, os.environ["HOME"], ignore_errors=True)
-
-import taichi as ti
-
 from mcsettle.errors import InputError
+from mcsettle.kernels.backend import NAME, ti
 from mcsettle.storage.files import cache_folder, refuse_link
 
 STALE_LOCK = 60.0  # s
@@ -64,23 +53,24 @@ def start(threads: int | None = None, debug: bool = False) -> dict[str, object]:
             offline_cache=True,
             offline_cache_file_path=str(_kernel_folder()),
             log_level=ti.ERROR,
+            unrolling_limit=0,  # unrolled loops are meant: no warning to the user
             make_cpu_multithreading_loop=False,
-            cpu_block_dim_adaptive=False,
             default_cpu_block_dim=1,
+            **({"cpu_block_dim_adaptive": False} if NAME == "taichi" else {}),  # the fork has none
         )
     _started.update(wanted)
     return dict(_started)
 
 
 def version() -> str:
-    """Taichi's version, as recorded in results."""
+    """The runtime's version, as recorded in results."""
     return ".".join(str(part) for part in ti.__version__)
 
 
 def cache_name() -> str:
-    """Name of the folder of compiled kernels: Taichi's version and a digest of these sources."""
+    """Name of the folder of compiled kernels: the runtime, its version, a digest of these sources."""
     sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
-    return f"taichi-{version()}-{hashlib.sha256(sources).hexdigest()[:12]}"
+    return f"{NAME}-{version()}-{hashlib.sha256(sources).hexdigest()[:12]}"
 
 
 def _kernel_folder() -> Path:
@@ -97,7 +87,7 @@ def _kernel_folder() -> Path:
             remove_stale_locks(folder, os.fstat(probe.fileno()).st_mtime)
         return folder
     except (InputError, OSError):
-        return Path(tempfile.mkdtemp(prefix="mcsettle-taichi-"))
+        return Path(tempfile.mkdtemp(prefix="mcsettle-kernels-"))
 
 
 def remove_stale_locks(folder: Path, now: float) -> None:

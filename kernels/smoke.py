@@ -1,7 +1,8 @@
 """A small kernel that shows whether Taichi compiles and computes in double precision here."""
 
 import numpy as np
-import taichi as ti
+
+from mcsettle.kernels.backend import ti
 
 
 @ti.kernel

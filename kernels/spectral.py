@@ -18,10 +18,10 @@ own eighth digit but must not be lost in the sum.
 """
 
 import functools
-from dataclasses import dataclass
 
 import numpy as np
-import taichi as ti
+
+from mcsettle.kernels.backend import bundle, ti
 
 ROWS = 0xFFFF
 PRECISIONS = {"f64": ti.f64, "f32": ti.f32}
@@ -33,7 +33,7 @@ CAPACITY = 2048  # realisations at a time, a multiple of the lanes
 Tables = tuple[np.ndarray, ...]
 
 
-@dataclass(frozen=True)
+@bundle
 class State:
     """Realisations in their lanes, as the kernels take them.
 
@@ -50,7 +50,7 @@ class State:
     passages: ti.Field
 
 
-@dataclass(frozen=True)
+@bundle
 class Workspace:
     """Fields of one band of modes, allocated once and reused for every batch.
 

@@ -6,11 +6,10 @@ those of field f in the rows f M … f M + M − 1; its products with what settl
 """
 
 import functools
-from dataclasses import dataclass
 
 import numpy as np
-import taichi as ti
 
+from mcsettle.kernels.backend import bundle, ti
 from mcsettle.kernels.spectral import (
     CAPACITY,
     LANES,
@@ -24,7 +23,7 @@ from mcsettle.kernels.spectral import (
 )
 
 
-@dataclass(frozen=True)
+@bundle
 class Varying:
     """``h`` [tile, F M, part, lane] waves of the fields; ``half`` [tile, M, part, lane] half of what
     settles at each wave, m; ``own`` [tile, weight, lane] weights times a field's multipliers.

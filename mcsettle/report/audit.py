@@ -131,7 +131,7 @@ def provenance_blocks(material: Material) -> Iterator[Block]:
         ("seed of the realisations", str(held.seed)),
         ("realisations", str(material.n_tracks)),
         ("parameter sets", str(material.n_sets)),
-        ("Taichi", held.taichi_version),
+        ("compiler of the kernels", f"{held.runtime} {held.taichi_version}"),
         ("precision", held.precision),
         ("lanes of the kernels", str(held.lanes)),
     ]

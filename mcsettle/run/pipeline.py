@@ -231,4 +231,5 @@ def _provenance(study: Study, prepared: StepA, size: int, training: Training | N
         shard_realisations=size,
         code_digest=code_digest(),
         surrogate="" if training is None else training.text,
+        runtime=runtime.NAME,
     )

@@ -180,6 +180,9 @@ def _set_up(spec: RunSpec) -> WorkerState:
     if seen != spec[1:4]:
         raise InputError(f"'{at}' is not the folder of this run as this worker sees it")
     refuse_other_code(at, provenance)
+    compiler = f"{runtime.NAME} {runtime.version()}"
+    if compiler != (needed := f"{provenance.runtime} {provenance.taichi_version}"):
+        raise InputError(f"'{at}' is a run of {needed}; this worker has {compiler}")
     try:
         runtime.start(spec.threads)
     except RuntimeError:

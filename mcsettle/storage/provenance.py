@@ -31,6 +31,7 @@ class Provenance:
     shard_realisations: int = SHARD
     code_digest: str = ""  # of the package's sources; "" in folders of versions that did not say it
     surrogate: str = ""  # from what Step A is predicted, and how well; "" where all is computed
+    runtime: str = "taichi"  # what compiled the kernels; ``taichi_version`` is its version
 
     @property
     def digest(self) -> str:

@@ -43,6 +43,7 @@ from mcsettle.study.input_files import (
 from mcsettle.study.library import expanded
 from mcsettle.study.objects import StudyObjects
 from mcsettle.study.read import parsed_toml, toml_data, with_tuples
+from mcsettle.study.sample_cap import capped
 from mcsettle.study.scenes import (
     build_initial_profiles,
     build_scene,
@@ -291,7 +292,7 @@ class Study(StudyObjects):
 
 
 def load_study(path: str | os.PathLike[str]) -> Study:
-    """Read, validate and complete the study file at ``path``.
+    """Read, validate and complete the study file at ``path``; its sample is as large as allowed.
 
     Raises
     ------
@@ -299,7 +300,11 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         The file cannot be read, is no TOML, or has faults (all of them are listed).
     """
     data = toml_data(Path(path))
-    return Study.from_mapping(data, str(path), Path(path).absolute().parent)
+    study = Study.from_mapping(data, str(path), Path(path).absolute().parent)
+    n, sets = capped(study.run.realisations), capped(study.n_sets)
+    if n == study.run.realisations and sets == study.n_sets:
+        return study
+    return study.with_run(n, parameter_sets=sets if study.nested else None)
 
 
 def study_from_text(text: bytes, origin: str, folder: Path | None = None) -> Study:

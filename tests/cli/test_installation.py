@@ -107,7 +107,7 @@ def test_taichi_that_does_not_load(monkeypatch: pytest.MonkeyPatch) -> None:
         raise OSError("libtaichi.so: cannot open shared object file")
 
     monkeypatch.setattr(smoke, "largest_error", broken)
-    found = check("taichi")
+    found = check("kernels")
     assert found.state == "failed"
     assert "taichi==" in found.advice
 
@@ -126,7 +126,7 @@ def test_blas_threads_are_only_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_stale_cache(tmp_path: Path) -> None:
     from mcsettle.kernels import runtime
 
-    current, old = tmp_path / runtime.cache_name(), tmp_path / "taichi-1.7.3-0123456789ab"
+    current, old = tmp_path / runtime.cache_name(), tmp_path / f"{runtime.NAME}-1.0.3-0123456789ab"
     for folder in (current, old):
         folder.mkdir()
     half, table = tmp_path / ".transfer-x.npz.abc", tmp_path / "transfer-x.npz"

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import taichi as ti
 import toy
 
 from mcsettle.kernels import fourier, runtime, spectral
+from mcsettle.kernels.backend import ti
 from mcsettle.kernels.laws import (
     binary_logarithm,
     binary_logarithm_32,

@@ -193,6 +193,12 @@ def test_another_study_is_refused_with_the_difference(folder):
     assert manifest.verify(folder) == 6  # refused before anything was touched
 
 
+def test_results_of_another_runtime_are_refused(folder):
+    other = Provenance(**{**vars(PROVENANCE), "runtime": "quadrants"})
+    with pytest.raises(InputError, match="runtime taichi where this run has quadrants"):
+        store.prepare(folder, other)
+
+
 def test_shard_of_another_study_is_refused(folder):
     other = Provenance(**{**vars(PROVENANCE), "transfer_digest": "ef"})
     name = shard_name("base", "C", 0, 4)

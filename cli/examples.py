@@ -1,0 +1,26 @@
+"""An example of every command, in the order in which they can be tried: the end of each help text."""
+
+from collections.abc import Mapping
+
+EXAMPLES: Mapping[str, str] = {
+    "init": "mcsettle init study.toml",
+    "schema": "mcsettle schema > study.schema.json",
+    "check": "mcsettle check study.toml",
+    "plan": "mcsettle plan study.toml",
+    "track": "mcsettle track study.toml",
+    "run": "mcsettle run study.toml --out results",
+    "status": "mcsettle status results",
+    "gather": "mcsettle gather results",
+    "summarise": "mcsettle summarise results --picture answer.png",
+    "report": "mcsettle report results",
+    "export": "mcsettle export results --csv tables",
+    "compare": "mcsettle run study.toml --seed 2 --out other && mcsettle compare results other",
+    "calibrate": "mcsettle calibrate study.toml --scenario v201 --median-days 697",
+    "life": "mcsettle init --example toy_uncertain && mcsettle life toy_uncertain.toml",
+    "sections": "mcsettle init --example line && mcsettle sections line.toml",
+    "grounds": "mcsettle init --example prorail && mcsettle grounds prorail.toml",
+    "tornado": "mcsettle tornado toy_uncertain.toml",
+    "profile": "mcsettle init --example validation && mcsettle profile validation/record.csv",
+    "validate": "mcsettle validate layered_bessel",
+    "doctor": "mcsettle doctor",
+}
