@@ -132,7 +132,7 @@ def _threads() -> Check:
 def _kernels() -> Check:
     """Compile and run a kernel in double precision, compare with NumPy."""
     try:
-        from mcsettle.kernels import runtime, smoke
+        from mcsettle.kernels import backend, runtime, smoke
 
         started = time.monotonic()
         runtime.start()
@@ -144,7 +144,7 @@ def _kernels() -> Check:
         )
         return Check("kernels", "failed", f"{type(failure).__name__}: {failure}", advice)
     took = time.monotonic() - started
-    found = f"{runtime.NAME} {runtime.version()}, one against NumPy: {error:.1e} ({took:.1f} s)"
+    found = f"{backend.NAME} {runtime.version()}, one against NumPy: {error:.1e} ({took:.1f} s)"
     if error <= PRECISION:
         return Check("kernels", "ok", found)
     advice = "results would be wrong: reinstall the compiler, and report the processor if that is no cure"
@@ -181,10 +181,10 @@ def stale_files(folder: Path, now: float) -> list[Path]:
     Compiled kernels of other sources or another version, and files that a writer left unfinished more
     than an hour before ``now`` [s since 1970].
     """
-    from mcsettle.kernels import runtime
+    from mcsettle.kernels import backend, runtime
 
     current = runtime.cache_name()
-    kernels = [p for p in folder.glob(f"{runtime.NAME}-*") if p.name != current]
+    kernels = [p for p in folder.glob(f"{backend.NAME}-*") if p.name != current]
     unfinished = [
         path
         for path in folder.glob(".*")

@@ -218,7 +218,7 @@ def _stored_inputs(study: Study) -> dict[str, tuple[str, Path]]:
 
 
 def _provenance(study: Study, prepared: StepA, size: int, training: Training | None) -> Provenance:
-    from mcsettle.kernels import runtime, spectral
+    from mcsettle.kernels import backend, runtime, spectral
 
     return Provenance(
         package_version=mcsettle.__version__,
@@ -231,5 +231,5 @@ def _provenance(study: Study, prepared: StepA, size: int, training: Training | N
         shard_realisations=size,
         code_digest=code_digest(),
         surrogate="" if training is None else training.text,
-        runtime=runtime.NAME,
+        runtime=backend.NAME,
     )

@@ -171,7 +171,7 @@ def read_step_a(at: Place) -> StepA:
 
 
 def _set_up(spec: RunSpec) -> WorkerState:
-    from mcsettle.kernels import runtime
+    from mcsettle.kernels import backend, runtime
 
     _own_kernels()
     at = place(spec.where)
@@ -180,7 +180,7 @@ def _set_up(spec: RunSpec) -> WorkerState:
     if seen != spec[1:4]:
         raise InputError(f"'{at}' is not the folder of this run as this worker sees it")
     refuse_other_code(at, provenance)
-    compiler = f"{runtime.NAME} {runtime.version()}"
+    compiler = f"{backend.NAME} {runtime.version()}"
     if compiler != (needed := f"{provenance.runtime} {provenance.taichi_version}"):
         raise InputError(f"'{at}' is a run of {needed}; this worker has {compiler}")
     try:
