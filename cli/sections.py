@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mcsettle.analysis.line_forecast import FormOfGrowth
     from mcsettle.analysis.line_hold_out import HoldOut
     from mcsettle.analysis.sections import SectionsReport
+    from mcsettle.analysis.worksites import Worksite
     from mcsettle.study.build_line import Line
 
 SHOWN = 12
@@ -100,7 +101,7 @@ def sections_lines(report: "SectionsReport") -> Iterator[str]:
     )
     late = f"> {_end(report)}"
     for row in table.head(SHOWN).to_dict("records"):
-        place = f"{row['chainage_from_m']:.0f}-{row['chainage_to_m']:.0f}"
+        place = f"{row.get('track', '')} {row['chainage_from_m']:.0f}-{row['chainage_to_m']:.0f}".strip()
         days = " ".join(f"{_date(row[f'due_p{p}'], late):>10}" for p in ("05", "50", "95"))
         rate = (
             "-"
@@ -182,11 +183,24 @@ def sections_json(report: "SectionsReport") -> str:
         "sections": _plain(report.table),
         "due": _plain(report.due),
         "increments": None if report.increments is None else _plain(report.increments),
-        "worksites": [vars(site) for site in report.sites],
+        "worksites": [_site(report, site) for site in report.sites],
         "plan_cost": report.site_cost,
         "single_cost": report.single_cost,
     }
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def _site(report: "SectionsReport", site: "Worksite") -> dict[str, Any]:
+    """A worksite by its chainage."""
+    history = report.line.history
+    return {
+        "track": history.track[site.first],
+        "chainage_from_m": float(history.chainage_from[site.first]),
+        "chainage_to_m": float(history.chainage_to[site.last]),
+        "shifts": site.shifts,
+        "cost": site.cost,
+        "lost": site.lost,
+    }
 
 
 def hold_out_json(held: "HoldOut") -> str:

@@ -244,6 +244,9 @@ def main() -> None:
     parser.add_argument(
         "--dates", type=int, default=0, metavar="N", help="rank the true dates of N lines per form"
     )
+    parser.add_argument(
+        "--form", choices=FORMS, default="model", help="of the line that is written"
+    )
     parser.add_argument("--forms", nargs="+", choices=FORMS, default=FORMS)
     asked = parser.parse_args()
     if asked.score:
@@ -258,7 +261,7 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         study = on_grounds(study, asked.grounds, asked.sections)
         (folder / "line.toml").write_text(resolved_toml(study), encoding="utf-8")
-    line = made_line(study, asked.sections, asked.seed)
+    line = made_line(study, asked.sections, asked.seed, asked.form)
     (folder / "line_sds.csv").write_text(line.csv(), encoding="utf-8")
 
 

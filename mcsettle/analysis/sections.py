@@ -73,7 +73,10 @@ def sections_report(
     prices = TampingPrices(plan.cost_per_shift, plan.output_m_per_shift, plan.least_length_m)
     lengths = history.chainage_to - history.chainage_from
     due, life_left = _due(history, forecast, plan.join_within_days)
-    sites = worksites(lengths, due, life_left, history.excluded != "", prices)
+    closed, sites = history.excluded != "", []
+    for part in history.stretches:  # no worksite crosses a gap, or changes the track
+        found = worksites(lengths[part], due[part], life_left[part], closed[part], prices)
+        sites += [s.moved(part.start) for s in found]
     cost = sum(site.cost for site in sites)
     single = one_by_one(lengths, due, prices)
     return SectionsReport(
@@ -123,6 +126,7 @@ def _table(history: LineHistory, forecast: LineForecast) -> pd.DataFrame:
     rows, last = forecast.rows, history.dates[-1]
     quantiles = forecast.quantiles(LEVELS)
     columns: dict[str, object] = {
+        **({"track": history.track[rows]} if (history.track != "").any() else {}),
         "chainage_from_m": history.chainage_from[rows],
         "chainage_to_m": history.chainage_to[rows],
         "sd_now_mm": history.last_sd[rows] / MM,

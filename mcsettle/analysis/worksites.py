@@ -10,7 +10,7 @@ ends a worksite there, and goes on from the cheapest plan up to where the worksi
 the line, in time proportional to its length (R. Bellman, *Dynamic Programming*, 1957).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,10 @@ class Worksite:
     shifts: int
     cost: float
     lost: float
+
+    def moved(self, by: int) -> "Worksite":
+        """The same worksite where its sections have numbers higher ``by`` so many."""
+        return replace(self, first=self.first + by, last=self.last + by)
 
 
 def worksites(

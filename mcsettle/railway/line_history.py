@@ -1,9 +1,12 @@
 """The sections of a line and how their SDs went: dated runs, tampings, limits, what is left out."""
 
+import itertools
 from dataclasses import dataclass, replace
 from datetime import date
 
 import numpy as np
+
+TOUCHING = 1.0  # m, between sections that follow one another
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,7 +17,7 @@ class LineHistory:
     not cover a section; ``amplitudes`` complex [S, D, K] m of the profiles, NaN where only an SD is
     known; ``tamped_on`` [S, D]: day (as ``date.toordinal``) of the last tamping between run d − 1 and run
     d, NaN without one; ``sd_error`` m, the standard error of one SD. ``sd_limit`` [S] m; ``scenario``,
-    ``variant`` [S] names; ``excluded`` [S] why a section is left out, "" for none.
+    ``variant`` [S] names; ``excluded`` [S] why a section is left out, "" for none; ``track`` [S] names.
     """
 
     chainage_from: np.ndarray
@@ -28,6 +31,7 @@ class LineHistory:
     scenario: np.ndarray
     variant: np.ndarray
     excluded: np.ndarray
+    track: np.ndarray
 
     @property
     def days(self) -> np.ndarray:
@@ -44,6 +48,14 @@ class LineHistory:
     def last_sd(self) -> np.ndarray:
         """The SD [S] m of each section's last run; NaN where there is none."""
         return _last(self.sd)
+
+    @property
+    def stretches(self) -> list[slice]:
+        """Sections that follow one another without a gap, on one track."""
+        apart = np.abs(self.chainage_from[1:] - self.chainage_to[:-1]) > TOUCHING
+        apart |= self.track[1:] != self.track[:-1]
+        ends = [0, *(np.flatnonzero(apart) + 1).tolist(), len(self.chainage_from)]
+        return [slice(low, high) for low, high in itertools.pairwise(ends)]
 
     def before_last(self) -> "LineHistory":
         """The same line without its last run."""

@@ -25,7 +25,7 @@ def made(power: float, seed: int, n: int = 60) -> tuple[LineHistory, np.ndarray]
         200.0 * np.arange(n), 200.0 * np.arange(1, n + 1),
         tuple(date(2021, 1, 1) + timedelta(days=float(day)) for day in RUNS),
         sd + ERROR * rng.normal(size=shape), np.full((*shape, 1), np.nan, dtype=complex),
-        np.full(shape, np.nan), ERROR, np.full(n, LIMIT), names, names, names,
+        np.full(shape, np.nan), ERROR, np.full(n, LIMIT), names, names, names, names,
     )  # fmt: skip
     return history, days
 

@@ -82,3 +82,54 @@ def test_limit_traffic_support_and_exclusions_differ_along_the_line(tmp_path):
     assert [rows[x]["sd_limit_mm"] for x in sorted(rows)] == [1.1, 1.1, 1.5, 1.5, 1.5]
     assert [rows[x]["scenario"] for x in sorted(rows)] == ["v201", "v201", "v225", "v225", "v201"]
     assert [rows[x]["variant"] for x in sorted(rows)] == ["base", "base", "weak", "weak", "base"]
+
+
+def test_several_tracks_and_files_of_one_line(tmp_path):
+    """Two files one behind the other, a second track beside them; tampings and limits by track."""
+    runs = [
+        *({**run, "track": "up"} for run in line_of(tmp_path, 3, "a")),
+        *({**run, "track": "up"} for run in line_of(tmp_path, 4, "b", start=LENGTH)),
+        *({**run, "track": "down"} for run in line_of(tmp_path, 5, "c")),
+    ]
+    line = {
+        "runs": runs,
+        "stretches": [
+            {"chainage_from_m": 0, "chainage_to_m": 600, "track": "down", "sd_limit_mm": 0.1}
+        ],
+    }
+    study_of(tmp_path, **line)
+    picture = tmp_path / "s.svg"
+    call = ["sections", str(tmp_path / "study.toml"), "--json", "--picture", str(picture)]
+    done = CliRunner().invoke(app, call)
+    assert done.exit_code == 0, done.stderr
+    found = json.loads(done.stdout)
+    rows = {(row["track"], round(row["chainage_from_m"])): row for row in found["sections"]}
+    up = {("up", 200 * i) for i in range(2 * N)}
+    assert set(rows) == up | {("down", 200 * i) for i in range(N)}
+    assert {row["runs"] for row in rows.values()} <= {2, 3}  # a shift may cost an end
+    assert {key for key, row in rows.items() if row["beyond_limit"]} == {
+        ("down", 0), ("down", 200), ("down", 400)
+    }  # fmt: skip
+    assert {site["track"] for site in found["worksites"]} <= {"up", "down"}
+    assert any(site["track"] == "down" for site in found["worksites"])
+    assert picture.stat().st_size > 0
+
+
+def test_a_track_that_no_run_is_of_is_refused(tmp_path):
+    stretch = {"chainage_from_m": 0, "chainage_to_m": 600, "track": "left", "exclude": "bridge"}
+    study_of(tmp_path, runs=line_of(tmp_path, 6, "a"), stretches=[stretch])
+    done = CliRunner().invoke(app, ["sections", str(tmp_path / "study.toml")])
+    assert done.exit_code == 2
+    assert "'left'" in done.stderr
+
+
+def test_faults_of_all_files_are_said_at_once(tmp_path):
+    study_of(tmp_path, runs=line_of(tmp_path, 7, "a"))
+    for number in (0, 2):
+        (tmp_path / f"a{number}.csv").write_text(
+            "chainage_m,level_mm\n1,x\n2,y\n", encoding="utf-8"
+        )
+    done = CliRunner().invoke(app, ["sections", str(tmp_path / "study.toml")])
+    assert done.exit_code == 2
+    assert "a0.csv" in done.stderr
+    assert "a2.csv" in done.stderr

@@ -19,6 +19,7 @@ class LineRunTable(Table):
     file: FileName
     date: Date
     run: Column | None = None
+    track: Name | None = None
 
 
 class TampingTable(Table):
@@ -27,6 +28,7 @@ class TampingTable(Table):
     chainage_from_m: Chainage
     chainage_to_m: Chainage
     date: Date
+    track: Name | None = None
 
 
 class StretchTable(Table):
@@ -38,6 +40,7 @@ class StretchTable(Table):
     variant: Name | None = None
     sd_limit_mm: Annotated[Millimetres, Field(le=50)] | None = None
     exclude: Text | None = None
+    track: Name | None = None
 
 
 class TampingPlanTable(Table):
