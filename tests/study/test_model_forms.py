@@ -128,6 +128,7 @@ def test_a_run_with_every_form(tmp_path):
     import mcsettle as ms
 
     study = toy.study(
+        profile={"shortest_m": 8.0},
         spatial_variability=FIELD,
         settlement={
             "settlement_factor": toy.FACTOR,
