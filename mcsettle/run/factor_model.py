@@ -59,7 +59,8 @@ class FactorModel:
             name: self._sds(name, np.exp(logs), profiles)
             for name in dict.fromkeys(o.scenario for o in recorded)
         }
-        grown: dict[tuple[str, float, bool], dict[str, np.ndarray]] = {}
+        repeated = {(o.scenario, o.day) for o in self.observations if o.quantity == "repetition"}
+        grown: dict[tuple[str, float], dict[str, np.ndarray]] = {}
         values = []
         for observation in self.observations:
             if observation.day is None:
@@ -68,10 +69,9 @@ class FactorModel:
             elif observation.quantity == "sd":
                 values.append(_between(logs, sds[observation.scenario][observation.day], wanted))
             else:
-                repeated = observation.quantity == "repetition"
-                key = observation.scenario, observation.day, repeated
+                key = observation.scenario, observation.day
                 if key not in grown:
-                    grown[key] = self._grown(*key, np.exp(logs), profiles)
+                    grown[key] = self._grown(*key, key in repeated, np.exp(logs), profiles)
                 values.append(_between(logs, grown[key][observation.quantity], wanted))
         return values
 
