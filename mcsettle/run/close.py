@@ -27,6 +27,7 @@ from mcsettle.run.status import (
     strays,
     survey,
 )
+from mcsettle.run.surrogate import with_stored_errors
 from mcsettle.step_a.transfers import StepA
 from mcsettle.storage import lock, shard_record, store
 from mcsettle.storage.foreign import is_ours, refuse_others_files
@@ -64,7 +65,10 @@ def gather(folder: Where, take_over: bool = False) -> Survey:
             raise InputError(_incomplete(found, bad))
         study = study_of(at)
         refuse_smaller(at, held_shards(at), study)
-        close(at, study, all_sets(study), found.provenance)
+        members = all_sets(study)
+        if study.predicts_grounds:
+            members = with_stored_errors(members, at)
+        close(at, study, members, found.provenance)
         return survey(at)
 
 

@@ -18,6 +18,9 @@ from mcsettle.step_a.surrogate import Description, Surrogate, describe
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_a.transfer_cache import scaled_to, under_reference_load
 from mcsettle.step_a.transfers import Ground, StepA, TransferStore, passages_of, transfer_key
+from mcsettle.storage.location import Place
+from mcsettle.storage.store import read
+from mcsettle.storage.tables import input_column
 from mcsettle.study.parameter_sets import ParameterSet
 
 ERROR = "step_a.error_percent"  # pseudo-input of a parameter set: 0 where Step A was computed
@@ -107,19 +110,29 @@ def surrogate_remarks(members: Sequence[ParameterSet], training: Training | None
     return remarks
 
 
-def with_errors(members: Sequence[ParameterSet], store: TransferStore) -> list[ParameterSet]:
-    """``members`` with the error of their Step A among their values, 0 where it is computed."""
-    predictor = store.predictor
+def with_errors(members: Sequence[ParameterSet], transfers: TransferStore) -> list[ParameterSet]:
+    """``members`` with the error of their Step A among their values, 0 where it is not predicted."""
+    predictor = transfers.predictor
     if not isinstance(predictor, GroundPredictor):
         return list(members)
     return [
-        member
-        if member.failure
-        else replace(
-            member, values=member.values | {ERROR: predictor.error_percent(member.study.scenes)}
-        )
-        for member in members
+        _with_error(m, 0.0 if m.failure else predictor.error_percent(m.study.scenes))
+        for m in members
     ]
+
+
+def with_stored_errors(members: Sequence[ParameterSet], at: Place) -> list[ParameterSet]:
+    """``members`` with the errors that the rows of a results folder have; as they are without any."""
+    rows = read(at, "realisations")
+    name = input_column(ERROR)
+    if name not in rows.column_names:
+        return list(members)
+    of_set = dict(zip(rows["parameter_set"].to_pylist(), rows[name].to_pylist(), strict=True))
+    return [_with_error(member, of_set[member.index]) for member in members]
+
+
+def _with_error(member: ParameterSet, error: float) -> ParameterSet:
+    return replace(member, values=member.values | {ERROR: error})
 
 
 @dataclass

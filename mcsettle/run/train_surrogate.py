@@ -8,11 +8,13 @@ resumed, or another process, learns the same without computing it again.
 import json
 from collections.abc import Sequence
 from concurrent.futures import as_completed
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from mcsettle.errors import InputError, NumericalError
 from mcsettle.railway.scene import Scene
 from mcsettle.railway.traffic import Service, Timetable
 from mcsettle.run.code_digest import code_digest
@@ -23,20 +25,24 @@ from mcsettle.step_a.kriging import next_spread
 from mcsettle.step_a.processes import process_pool
 from mcsettle.step_a.surrogate import Inputs, Surrogate, inputs_of, learnt, relearnt
 from mcsettle.step_a.transfer import TransferFunctions
-from mcsettle.step_a.transfers import TransferStore, step_a
+from mcsettle.step_a.transfers import Ground, TransferStore, step_a
 from mcsettle.storage.files import cache_folder
 from mcsettle.study.candidates import Candidates
 from mcsettle.types import Progress
 
-FIRST = 6  # sets that are computed before errors are estimated, and 2 more for each input
+FIRST = 3  # sets that are computed before errors are estimated, and as many more for each input
 STEP = 2  # further sets at a time
-COMPLETE = 6  # every sixth set is computed at all speeds, the others at the lowest and highest
+COMPLETE = 6  # every sixth draw is computed at all speeds, the others at the lowest and highest
+FEWEST = 3  # sets to learn from
 OUTSIDE = 0.01  # share of the sets that may be beyond the tolerance at the end
 
 
 @dataclass(eq=False)
 class _Learning:
-    """State of a training: candidates, what is computed of them, in the order chosen."""
+    """State of a training: candidates, what is computed of them, in the order chosen.
+
+    ``refused``: sets that cannot be computed.
+    """
 
     store: TransferStore
     baseline: str
@@ -46,6 +52,7 @@ class _Learning:
     inputs: dict[str, Inputs]
     places: np.ndarray
     chosen: list[int] = field(default_factory=list)
+    refused: list[int] = field(default_factory=list)
     transfers: dict[Any, TransferFunctions] = field(default_factory=dict)
 
     @property
@@ -97,14 +104,22 @@ def _trained(
     progress: Progress | None,
 ) -> GroundPredictor:
     """Compute sets until the tolerance is met, or as many grounds as may be."""
-    n_first = min(FIRST + 2 * state.places.shape[1], len(state.scenes))
-    _compute(state, next_spread(state.places, [0], n_first - 1), processes, progress)
+    n_first = FIRST * (1 + state.places.shape[1])
+    first = [0, *next_spread(state.places, [0], n_first - 1)]
+    affordable = _affordable(state, first, most_grounds)
+    _compute(state, first[: max(len(affordable), FEWEST)], processes, progress)
     while True:
         predictor, worst = _learnt(state, tolerance)
-        room = most_grounds - state.n_grounds
-        if predictor.training.met or not worst or room < 1:
+        further = _affordable(state, worst[:STEP], most_grounds - state.n_grounds)
+        if predictor.training.met or not further:
             return predictor
-        _compute(state, worst[:STEP], processes, progress)
+        _compute(state, further, processes, progress)
+
+
+def _affordable(state: _Learning, sets: Sequence[int], most_grounds: int) -> list[int]:
+    """The first ones of ``sets`` that take no more than ``most_grounds`` together."""
+    grounds = [len(_by_ground(state.passages[c], c % COMPLETE == 0)) for c in sets]
+    return [c for c, total in zip(sets, np.cumsum(grounds), strict=True) if total <= most_grounds]
 
 
 def set_predictor(
@@ -143,9 +158,7 @@ def _restored(
     progress: Progress | None,
 ) -> GroundPredictor:
     """Predictor of a training that was finished before."""
-    first, *others = stored["chosen"]
-    assert first == 0
-    _compute(state, others, processes, progress)
+    _compute(state, stored["chosen"], processes, progress)
     members, surrogates = _members(state), {}
     for kind, own in state.inputs.items():
         points, transfers = _of_kind(state, members[kind])
@@ -198,26 +211,29 @@ def _compute(
     state: _Learning, sets: Sequence[int], processes: int, progress: Progress | None
 ) -> None:
     """Step A of further ``sets``, in processes where there are several; into ``state``."""
-    jobs = []
-    for candidate in sets if state.chosen else [0, *sets]:
-        complete = len(state.chosen) % COMPLETE == 0
-        state.chosen.append(candidate)
-        jobs.append((candidate, _keys_to_compute(state.passages[candidate], complete)))
+    jobs = [(c, _by_ground(state.passages[c], c % COMPLETE == 0)) for c in sets]
     options = state.store.axle_loads, state.store.many_grounds
-    if processes > 1 and len(jobs) > 1:
-        with process_pool(min(processes, len(jobs))) as pool:
+    if processes > 1:
+        with process_pool(processes) as pool:
             running = [
-                pool.submit(_into_cache, _learnt_from(state.passages[c]), {key}, *options)
-                for c, keys in jobs
-                for key in keys
+                pool.submit(_into_cache, _learnt_from(state.passages[c]), keys, *options)
+                for c, by_ground in jobs
+                for keys in by_ground
             ]
             for done, finished in enumerate(as_completed(running), 1):
-                finished.result()
+                with suppress(InputError, NumericalError):
+                    finished.result()
                 if progress is not None:
                     progress("Step A: grounds to learn from", done, len(running))
-    for done, (candidate, keys) in enumerate(jobs, 1):
+    for done, (candidate, by_ground) in enumerate(jobs, 1):
         store = TransferStore(axle_loads=options[0], many_grounds=options[1])
-        step_a(_learnt_from(state.passages[candidate]), progress, 1, store, only=set(keys))
+        scenes, keys = _learnt_from(state.passages[candidate]), set[Any]().union(*by_ground)
+        try:
+            step_a(scenes, progress, 1, store, only=keys)
+        except (InputError, NumericalError):  # where it is run, the run says so
+            state.refused.append(candidate)
+            continue
+        state.chosen.append(candidate)
         state.transfers |= {key: store.transfers[key] for key in keys}
         if progress is not None:
             progress("Step A: grounds to learn from", done, len(jobs))
@@ -233,17 +249,20 @@ def _learnt_from(passages: list[Passage]) -> tuple[Scene, ...]:
     )
 
 
-def _keys_to_compute(passages: list[Passage], complete: bool) -> list[Any]:
-    """Passages of a set to compute: on linear ground all, softened only some speeds of a kind."""
-    keys: dict[Any, None] = {}
+def _by_ground(passages: list[Passage], complete: bool) -> list[set[Any]]:
+    """Passages of a set to compute, those of one ground together.
+
+    On linear ground all; on ground that softens, unless ``complete``, the speeds at the ends of a kind.
+    """
+    keys: dict[Ground, set[Any]] = {}
     speeds: dict[str, list[float]] = {}
     for passage in passages:
         speeds.setdefault(passage.description.kind, []).append(passage.service.speed)
     for passage in passages:
         ends = min(speeds[passage.description.kind]), max(speeds[passage.description.kind])
         if complete or passage.ground.softened is None or passage.service.speed in ends:
-            keys[passage.key] = None
-    return list(keys)
+            keys.setdefault(passage.ground, set()).add(passage.key)
+    return list(keys.values())
 
 
 def _into_cache(
@@ -276,7 +295,7 @@ def _learnt(state: _Learning, tolerance: Expected) -> tuple[GroundPredictor, lis
         and float(np.mean(beyond > 1.0)) <= OUTSIDE
     )
     order = np.argsort(-beyond, kind="stable")
-    worst = [int(i) for i in order if i not in state.chosen]
+    worst = [int(i) for i in order if i not in state.chosen and i not in state.refused]
     predictor = GroundPredictor(
         state.store,
         surrogates,

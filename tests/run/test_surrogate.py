@@ -1,12 +1,15 @@
 """Parameter sets whose Step A is predicted: which, how well, and the same whoever asks."""
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from toy import LOAD, N0, SPRING, everything, table, uncertain
 
+from mcsettle.errors import NumericalError
 from mcsettle.run import left_out, train_surrogate
+from mcsettle.run.close import gather
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import parse_slice
@@ -20,6 +23,7 @@ from mcsettle.storage.provenance import read_provenance
 from mcsettle.study import candidates
 from mcsettle.study.candidates import candidates_of
 from mcsettle.study.parameter_sets import all_sets, first_sets
+from mcsettle.study.study import Study
 
 pytestmark = pytest.mark.usefixtures("fresh_cache", "small_pool")
 SETS, TRACKS = 5, 3
@@ -36,7 +40,7 @@ COLUMN = "input_step_a_error_percent"
 def small_pool():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(candidates, "POOL", 16)
-        patch.setattr(train_surrogate, "FIRST", 3)
+        patch.setattr(train_surrogate, "FIRST", 2)
         patch.setattr(left_out, "TRACKS", range(2))
         yield
 
@@ -148,11 +152,11 @@ def test_more_sets_leave_the_earlier_ones_as_they_are(study, store):
         assert with_errors([member], again) == with_errors([member], store)
 
 
-def test_an_interrupted_run_ends_as_a_plain_one(study, folder, tmp_path):
+def test_slices_gathered_are_a_plain_run(study, folder, tmp_path):
     out = tmp_path / "out"
     for part in ("1/2", "2/2"):
         run_study(study, out, RunOptions(shards=parse_slice(part)))
-    run_study(study, out)
+    gather(out)
     assert everything(out) == everything(folder)
 
 
@@ -190,3 +194,37 @@ def test_quantiles_count_shares():
     assert (found.days_median, found.days_p95, found.points_p95) == (3.0, 3.0, 0.2)
     assert left_out.errors_per_deviation(errors, np.array([0.5, 0.5])) == (100.0, 0.4)
     assert replace(found, days_median=0.0) != found
+
+
+def test_a_ground_that_cannot_be_computed_is_not_learnt_from(monkeypatch):
+    narrow = with_surrogate(SPRING, DAMPING, tolerance_points=0.4)
+    refused = {m.index for m in first_sets(narrow, candidates.POOL) if m.index % 2}
+    springs = {
+        m.study.trains["passenger"].cars[0].secondary
+        for m in first_sets(narrow, candidates.POOL)
+        if m.index in refused
+    }
+
+    def refuses(scenes, *arguments, **options):
+        if scenes[0].timetable.services[0].train.cars[0].secondary in springs:
+            raise NumericalError("the softening does not converge")
+        return step_a(scenes, *arguments, **options)
+
+    monkeypatch.setattr(train_surrogate, "step_a", refuses)
+    training = set_predictor(candidates_of(narrow), transfer_store(narrow))
+    assert len(training.sets) >= 2
+    assert not refused & set(training.sets)
+
+
+@pytest.mark.parametrize(("soil", "complete", "grounds"), [
+    ("linear", False, [4]),
+    ("equivalent_linear", False, [1, 1]),
+    ("equivalent_linear", True, [1, 1, 1, 1]),
+])  # fmt: skip
+def test_passages_of_one_ground_are_computed_together(root, soil, complete, grounds):
+    data = tomllib.loads((root / "studies" / "linespeed_ground.toml").read_text(encoding="utf-8"))
+    data["track"]["soil"] = soil
+    study = Study.from_mapping(data)
+    passages = list_passages(study.scenes, transfer_store(study))
+    found = train_surrogate._by_ground(passages, complete)
+    assert [len(keys) for keys in found] == grounds
