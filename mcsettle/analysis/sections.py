@@ -118,6 +118,13 @@ def _ready(study: Study, progress: Progress | None, processes: int) -> tuple[Lin
     scenes = [s for s in study.scenes if (s.variant, s.scenario) in names]
     if any(scene.stepping != "cycle_jump" for scene in scenes):
         raise InputError('sections are carried on with stepping "cycle_jump"')
+    measured = ~np.isnan(line.history.amplitudes).all()
+    for scene in scenes if measured else ():
+        if scene.support.settings is not None and scene.support.settings.profile_correlation:
+            raise InputError(
+                "spatial_variability.profile_correlation: recorded profiles have no random numbers that "
+                "the field could share; leave it out"
+            )
     return line, step_a(scenes, progress, processes)
 
 

@@ -8,9 +8,12 @@ import pytest
 import toy
 from typer.testing import CliRunner
 
+from mcsettle.analysis.growth_courses import SteppedGrowth
 from mcsettle.cli.app import app
 from mcsettle.railway.irregularity import sample_profiles, to_space, wavenumbers
 from mcsettle.railway.spectra import spectrum
+from mcsettle.step_a.transfers import step_a
+from mcsettle.study.build_line import build_line
 from mcsettle.study.study import Study, load_study, resolved_toml
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -133,3 +136,40 @@ def test_faults_of_all_files_are_said_at_once(tmp_path):
     assert done.exit_code == 2
     assert "a0.csv" in done.stderr
     assert "a2.csv" in done.stderr
+
+
+def test_support_that_varies_along_the_track_is_in_the_forecast(tmp_path):
+    """Fields of 20 %: Step B carries other SDs on; one that persists is the same after a tamping."""
+    tamped = [{"chainage_from_m": 0, "chainage_to_m": LENGTH, "date": "2024-02-01"}]
+    runs, sds = line_of(tmp_path, 8, "a"), {}
+    for name, field in {
+        "none": {"cov": 0.0, "correlation_length_m": 5.0},
+        "same": {"cov": 0.2, "correlation_length_m": 5.0},
+        "other": {"cov": 0.2, "correlation_length_m": 5.0, "persistence": 0.0},
+    }.items():
+        variants = [{"name": "base", "spatial_variability": field}]
+        line = {"runs": runs, "tampings": tamped, "sd_error_mm": 0.02, "scenario": "v201"}
+        study = Study.from_mapping(
+            toy.study(variants=variants, line=line).model_dump(by_alias=True, exclude_none=True),
+            folder=tmp_path,
+        )
+        history, scene = build_line(study).history, study.scene("base", "v201")
+        growth = SteppedGrowth({("base", "v201"): scene}, step_a([scene]), history)
+        rows = np.arange(1, 3)
+        sds[name] = [growth.courses(rows, run, 60.0).on(np.full(2, 30.0)) for run in (0, 1)]
+    for run in (0, 1):
+        finite = np.isfinite(sds["none"][run]) & np.isfinite(sds["same"][run])
+        assert not np.allclose(sds["none"][run][finite], sds["same"][run][finite], rtol=1e-3)
+    np.testing.assert_array_equal(sds["same"][0], sds["other"][0])
+    finite = np.isfinite(sds["same"][1]) & np.isfinite(sds["other"][1])
+    assert not np.allclose(sds["same"][1][finite], sds["other"][1][finite], rtol=1e-3)
+
+
+def test_a_field_coherent_with_a_recorded_profile_is_refused(tmp_path):
+    field = {"cov": 0.2, "correlation_length_m": 5.0, "profile_correlation": 0.5}
+    line = {"runs": line_of(tmp_path, 9, "a"), "sd_error_mm": 0.02, "scenario": "v201"}
+    study = toy.study(spatial_variability=field, line=line)
+    (tmp_path / "study.toml").write_text(resolved_toml(study), encoding="utf-8")
+    done = CliRunner().invoke(app, ["sections", str(tmp_path / "study.toml")])
+    assert done.exit_code == 2
+    assert "profile_correlation" in done.stderr
