@@ -13,7 +13,8 @@ help:
 	@echo "make study      run studies/linespeed.toml: results in $(RESULTS)/linespeed, summary, picture"
 	@echo "make test       the tests (minutes)        make test-slow  the long ones too"
 	@echo "make check      lint, types and tests: what CI runs"
-	@echo "make paper      both studies of the paper, with their reports: $(RESULTS)/linespeed.html, traffic.html"
+	@echo "make paper      both studies of the paper, with their reports: $(RESULTS)/linespeed.html, traffic.html;"
+	@echo "                renews the numbers of README, docs and studies from them"
 	@echo "make test-browser  the report in a headless Chromium"
 	@echo "make docs       the documentation as a site: build/site/index.html"
 	@echo "make mutants    break guards one at a time: do the tests notice?"
@@ -38,6 +39,8 @@ paper: study
 	$(BIN)/mcsettle summarise $(RESULTS)/traffic --picture $(RESULTS)/traffic.png
 	$(BIN)/mcsettle report $(RESULTS)/linespeed --markdown $(RESULTS)/linespeed.md
 	$(BIN)/mcsettle report $(RESULTS)/traffic --markdown $(RESULTS)/traffic.md
+	$(BIN)/mcsettle run studies/charges.toml --out $(RESULTS)/charges
+	$(BIN)/python studies/paper_tables.py $(RESULTS)/linespeed $(RESULTS)/traffic $(RESULTS)/charges
 
 # Two workers; a file's tests stay with one, since they share what its fixtures have run.
 WORKERS ?= 2

@@ -136,7 +136,7 @@ def _reasons(answers: "Answers", shown: list[str], width: int) -> Iterator[str]:
         elif summary.verdict != "yes":
             reasons.setdefault(summary.reason, []).append(name)
     for reason, names in list(reasons.items())[:3]:
-        yield from _wrapped(f"{', '.join(names)}: {reason}", width)
+        yield from _wrapped(f"{reason[0].upper()}{reason[1:]} ({', '.join(names)})", width)
 
 
 def _intervals(answers: "Answers", width: int, most: int) -> Iterator[str]:

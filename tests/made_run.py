@@ -12,7 +12,7 @@ from mcsettle.storage import store
 from mcsettle.storage.files import write_file
 from mcsettle.storage.provenance import Provenance
 from mcsettle.storage.shard_name import shard_name
-from mcsettle.study.parameter_sets import all_sets
+from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study, resolved_toml
 
 TOY = Path(__file__).resolve().parents[1] / "studies" / "toy.toml"
@@ -46,32 +46,41 @@ def tonnage_study(**changes: Any) -> Study:
 
 
 def write(folder: Path, made: Study, days: dict[str, Any], failed: tuple[int, ...] = ()) -> Path:
-    """A run of ``made`` in ``folder``: ``days`` by scenario, NaN where the horizon came first."""
+    """A run of ``made`` in ``folder``: ``days`` by scenario, NaN where the horizon came first.
+
+    Each parameter set is a hundredth slower than the one before.
+    """
     provenance = Provenance("0", made.digest, "0" * 64, made.seed, "1.7.4", "f64", 8)
     store.prepare(folder, provenance)
     write_file(folder / "study.toml", resolved_toml(made).encode())
-    values = {name: np.asarray(d, dtype=float) for name, d in days.items()}
-    bad = np.isin(np.arange(len(next(iter(values.values())))), failed)
-    values = {name: np.where(bad, np.nan, d) for name, d in values.items()}
-    ends = {name: _ends(made, d, bad) for name, d in values.items()}
-    for variant in made.variant_names:
-        for scenario, d in values.items():
-            _shard(folder, made, provenance, variant, scenario, d, ends[scenario], bad)
-        _effects(folder, made, provenance, variant, values, ends)
+    given = {name: np.asarray(d, dtype=float) for name, d in days.items()}
+    bad = np.isin(np.arange(len(next(iter(given.values())))), failed)
+    for member in all_sets(made):
+        slower = 1.0 + 0.01 * member.index
+        values = {name: np.where(bad, np.nan, slower * d) for name, d in given.items()}
+        ends = {name: _ends(made, d, bad) for name, d in values.items()}
+        for variant in made.variant_names:
+            for scenario, d in values.items():
+                _shard(folder, made, provenance, variant, scenario, d, ends[scenario], bad, member)
+            _effects(folder, made, provenance, variant, values, ends, member)
     store.finish(folder, made.currency)
     return folder
+
+
+def _name(made: Study, variant: str, scenario: str, n: int, member: ParameterSet) -> str:
+    return shard_name(variant, scenario, 0, n - 1, member.index if made.nested else None)
 
 
 def _ends(made: Study, days: np.ndarray, bad: np.ndarray) -> np.ndarray:
     return np.where(np.isnan(days) & ~bad, made.limit.horizon_days, np.nan)
 
 
-def _shard(folder, made, provenance, variant, scenario, days, ends, bad) -> None:
+def _shard(folder, made, provenance, variant, scenario, days, ends, bad, member) -> None:
     n = len(days)
     reached = np.isfinite(days)
     start, limit = made.profile.sd_mm or 1.0, made.limit.sd_limit_mm
     keys = {"variant": [variant] * n, "scenario": [scenario] * n}
-    keys |= {"parameter_set": np.zeros(n, np.int32), "realisation": np.arange(n)}
+    keys |= {"parameter_set": np.full(n, member.index, np.int32), "realisation": np.arange(n)}
     status = np.where(bad, "failed", np.where(reached, "reached", "censored"))
     growth = np.where(days > 365.0, (limit - start) * 365.0 / days, np.nan)
     table = keys | {
@@ -86,7 +95,8 @@ def _shard(folder, made, provenance, variant, scenario, days, ends, bad) -> None
         "sd_growth_1y_mm": rows.nullable(growth),
         "failure": [rows.FAILURE if b else None for b in bad],
     }
-    name = shard_name(variant, scenario, 0, n - 1)
+    table |= rows.input_columns(member, n)
+    name = _name(made, variant, scenario, n, member)
     store.write(folder, "realisations", name, table, provenance, 0, n - 1)
     last = np.where(reached, days, made.limit.horizon_days)
     sampled = [d for d in (0.0, *made.run.history_days) if d <= made.limit.horizon_days]
@@ -98,18 +108,17 @@ def _shard(folder, made, provenance, variant, scenario, days, ends, bad) -> None
     ]
     m = len(entries)
     history = {"variant": [variant] * m, "scenario": [scenario] * m}
-    history |= {"parameter_set": np.zeros(m, np.int32)}
+    history |= {"parameter_set": np.full(m, member.index, np.int32)}
     history |= {"realisation": np.array([e[0] for e in entries], dtype=np.int64)}
     history |= {"day": [e[1] for e in entries], "sd_mm": [e[2] for e in entries]}
     store.write(folder, "history", name, history, provenance, 0, n - 1)
 
 
-def _effects(folder, made, provenance, variant, values, ends) -> None:
-    prices, n = made.economics, len(next(iter(values.values())))
-    member = all_sets(made)[0]
+def _effects(folder, made, provenance, variant, values, ends, member) -> None:
+    prices, n = member.study.economics, len(next(iter(values.values())))
     for scenario in made.scenario_names:
         found = []
-        for effect in made.effects.values():
+        for effect in member.study.effects.values():
             if effect.scenario != scenario or prices is None:
                 continue
             base = effect.baseline
@@ -119,6 +128,6 @@ def _effects(folder, made, provenance, variant, values, ends) -> None:
             )  # fmt: skip
             found.append(rows.effect_columns(member, variant, range(n), effect, effects))
         if found:
-            name, last = shard_name(variant, scenario, 0, n - 1), n - 1
+            name, last = _name(made, variant, scenario, n, member), n - 1
             columns = rows.joined(found)
             store.write(folder, "effects", name, columns, provenance, 0, last, made.currency)

@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mcsettle.analysis.tornado import Bar, tornado
-from mcsettle.analysis.track_case import track_cases
-from mcsettle.analysis.track_summary import increases_at_surface
 from mcsettle.report.audit import limit_blocks, method_blocks, provenance_blocks
 from mcsettle.report.first_page import first_page, scope
 from mcsettle.report.form_tables import form_blocks
@@ -33,6 +31,9 @@ from mcsettle.report.scenarios import scenario_blocks
 from mcsettle.report.sign_tables import sign_blocks
 from mcsettle.report.words import cut
 from mcsettle.types import Progress
+
+if TYPE_CHECKING:
+    from mcsettle.analysis.tornado import Bar
 
 
 def read_report(
@@ -62,22 +63,28 @@ def read_report(
     """
     material = read_material(folder, variant, miles)
     if with_track:
+        from mcsettle.analysis.track_summary import increases_at_surface
+
         case = _case_of(material, progress, processes)
         table4 = tuple(increases_at_surface(case, progress))
         material = replace(material, step_a=StepAPart(case, table4))
     bars: Sequence[Bar] = ()
     if with_tornado and material.study.uncertain:
+        from mcsettle.analysis.tornado import tornado
+
         bars = tornado(material.study, material.variant, progress=progress, processes=processes)
     return build(material, bars)
 
 
 def _case_of(material: Material, progress: Progress | None, processes: int):  # type: ignore[no-untyped-def]
+    from mcsettle.analysis.track_case import track_cases
+
     cases = track_cases(material.study, progress, processes)
     own = [case for case in cases if case.variant == material.variant]
     return (own or cases)[0]
 
 
-def build(material: Material, bars: Sequence[Bar] = ()) -> Page:
+def build(material: Material, bars: "Sequence[Bar]" = ()) -> Page:
     """The page of ``material``; ``bars``: a tornado, if one was computed."""
     first = first_page(material)
     results = [*result_blocks(material), *sign_blocks(material), *growth_pictures(material)]

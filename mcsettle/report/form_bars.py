@@ -114,7 +114,7 @@ def _bar(
         places.reverse()
     middle, published = effect.price.value, _published(material, name)
     return Bar(
-        cut(name, 16),
+        cut(name, 20),
         material.tint(name),
         places[0],
         None if middle is None else place(middle * unit.factor),

@@ -21,10 +21,14 @@ def on_grid(history: pd.DataFrame, days: np.ndarray, limit: float | None) -> pd.
     limit : mm, kept after a tamping; None: nothing is known after the last day
     """
     keys = ["parameter_set", "realisation"]
-    columns = {}
-    for key, track in history.sort_values("day").groupby(keys, sort=True):
-        day, sd = track["day"].to_numpy(dtype=float), track["sd_mm"].to_numpy(dtype=float)
-        after = np.nan if limit is None or sd[-1] < limit * (1.0 - 1e-6) else limit
-        columns[key] = np.interp(days, day, sd, right=after)
-    names = pd.MultiIndex.from_tuples(list(columns), names=keys)
-    return pd.DataFrame(np.array(list(columns.values())).T, index=days, columns=names)
+    columns = (history[name].to_numpy() for name in (*keys, "day", "sd_mm"))
+    sets, tracks, day, sd = columns
+    order = np.lexsort((day, tracks, sets))
+    sets, tracks, day, sd = sets[order], tracks[order], day[order], sd[order]
+    starts = np.flatnonzero(np.diff(sets, prepend=-1) | np.diff(tracks, prepend=-1))
+    curves = []
+    for own_day, own_sd in zip(np.split(day, starts[1:]), np.split(sd, starts[1:]), strict=True):
+        after = np.nan if limit is None or own_sd[-1] < limit * (1.0 - 1e-6) else limit
+        curves.append(np.interp(days, own_day, own_sd, right=after))
+    names = pd.MultiIndex.from_arrays([sets[starts], tracks[starts]], names=keys)
+    return pd.DataFrame(np.array(curves).T, index=days, columns=names)

@@ -1,8 +1,8 @@
 """How far the numbers can be trusted: sensitivity, convergence, censoring, calibration."""
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from mcsettle.analysis.tornado import Bar
 from mcsettle.estimate.estimate import Estimate, Statistic
 from mcsettle.estimate.rounding import number
 from mcsettle.report.curves import convergence
@@ -13,12 +13,15 @@ from mcsettle.report.page import Block, Bullets, Picture, Table, Text
 from mcsettle.report.words import band, cut, level, metric_words, unit_words
 from mcsettle.summary.results import INTERVAL
 
+if TYPE_CHECKING:
+    from mcsettle.analysis.tornado import Bar
+
 MOST_BARS = 10
 SHOWN = ("quantile", "mean", "restricted_mean", "section_mean")
 SHARES = ("parameters", "sections", "interaction")
 
 
-def sensitivity_blocks(material: Material, bars: Sequence[Bar]) -> Iterator[Block]:
+def sensitivity_blocks(material: Material, bars: "Sequence[Bar]") -> Iterator[Block]:
     """Variance split, first-order indices, tornado; and what else moves the answer."""
     rows = material.of(material.variant)
     split = [row for row in (_split_cells(r.name, r.metric, r.spread) for r in rows) if row]
@@ -94,7 +97,7 @@ def _short_names(paths: Sequence[str]) -> dict[str, str]:
     return names
 
 
-def _tornado(bars: Sequence[Bar]) -> Iterator[Block]:
+def _tornado(bars: "Sequence[Bar]") -> Iterator[Block]:
     groups: dict[tuple[str, str], list[Bar]] = {}
     for bar in bars:
         groups.setdefault((bar.scenario, bar.metric), []).append(bar)

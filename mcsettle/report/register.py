@@ -15,7 +15,7 @@ from typing import Any
 
 from mcsettle.report.page import Table
 from mcsettle.report.words import cut
-from mcsettle.study.build import resolved_track
+from mcsettle.study.build import SETTLEMENT_KEYS, resolved_track
 from mcsettle.study.build_trains import resolved_train
 from mcsettle.study.key_paths import is_number
 from mcsettle.study.key_units import unit_at
@@ -108,6 +108,9 @@ def _origin(study: Study, path: str, value: Any, default: Any) -> tuple[str, str
     if named:
         text = study.sources[max(named, key=len)]
         return ("paper" if text.lower().startswith("paper") else "study"), text
+    inherited = _inherited(study, path, value)
+    if inherited is not None:
+        return _origin(study, inherited, value, _default_settlement(inherited))
     if path.startswith(("scenarios.", "variants.")):
         return "study", "study file"
     if default is None or not _equal(default, value):
@@ -116,6 +119,19 @@ def _origin(study: Study, path: str, value: Any, default: Any) -> tuple[str, str
         if fnmatchcase(path, rule["input"]) and _applies(rule, study):
             return rule["set_by"], rule["source"]
     return "default", "program's default"
+
+
+def _inherited(study: Study, path: str, value: Any) -> str | None:
+    """Key of ``[settlement]`` that a variant follows at ``path``; None where it has its own value."""
+    steps = path.split(".")
+    if steps[0] != "variants" or steps[-1] not in SETTLEMENT_KEYS:
+        return None
+    own = getattr(study.settlement, steps[-1])
+    return f"settlement.{steps[-1]}" if own is not None and _equal(own, value) else None
+
+
+def _default_settlement(path: str) -> Any:
+    return _dump(SettlementTable()).get(path.rpartition(".")[2])
 
 
 def _applies(rule: Mapping[str, Any], study: Study) -> bool:

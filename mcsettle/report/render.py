@@ -17,6 +17,7 @@ from mcsettle.report.page import Bars, Bullets, Columns, Fold, Lead, Page, Table
 from mcsettle.report.price_words import USE
 
 NUMBER = re.compile(r"(−?\d+(\.\d+)? ± )?−?\d+(\.(?P<decimals>\d+))?")
+KEY_PATH, LONG = re.compile(r"[A-Za-z0-9_.-]+"), 16  # characters of a text that may have to break
 DIGIT_SPACE, POINT_SPACE = "\u2007", "\u2008"
 
 
@@ -34,7 +35,7 @@ def html(page: Page) -> str:
     # Ours, not the user's: matplotlib has escaped what titles it holds.
     svg = {p.name: Markup(page_svg(p.figure, p.name)) for p in pictures}
     number = {p.name: place for place, p in enumerate(pictures, 1)}
-    environment.filters |= {"tidied": tidied, "aligned": aligned}
+    environment.filters |= {"tidied": tidied, "aligned": aligned, "breakable": breakable}
     template = environment.get_template("page.html")
     style = Markup(_text("page.css").strip())
     return template.render(page=page, svg=svg, number=number, style=style)
@@ -59,6 +60,13 @@ def aligned(table: Table) -> Table:
         for row in table.rows
     )
     return replace(table, rows=rows)
+
+
+def breakable(cell: str) -> str:
+    """A long key path with places to break it, after dots and underscores; other texts as they are."""
+    if len(cell) < LONG or not KEY_PATH.fullmatch(cell):
+        return cell
+    return Markup(re.sub(r"([._])", r"\1<wbr>", cell))
 
 
 def _decimals(cell: str) -> int | None:

@@ -45,3 +45,16 @@ def test_the_widest_stands_first_and_money_moves_no_days(bars):
     money = next(b for b in cost if b.input == COST["input"])
     assert money.at_high / money.at_low == pytest.approx(money.high / money.low)
     assert {b.metric for b in bars if b.scenario == "v201"} == {"tamping_interval_days"}
+
+
+def test_no_cost_of_a_minority():
+    """Where most tracks outlive the horizon the known pairs are the short-lived: no median of theirs."""
+    study, tracks = toy.study(), 8
+    case = build_case(study.scene("base", "v201"), step_a(study.scenes))
+    found = engine_for(case).run(study.initial_profiles().sample(range(tracks)), np.zeros(0)).days
+    limit = {"horizon_years": float(np.sort(found)[2]) / 365.0}
+    bars = tornado(uncertain(LOAD, limit=limit), realisations=tracks)
+    costs = [bar for bar in bars if bar.metric in ("marginal_cost", "reduction_percent")]
+    assert costs
+    # Heavier trains (the high end) bring more of them to the limit in time.
+    assert all(value is None for bar in costs for value in (bar.at_low, bar.central))

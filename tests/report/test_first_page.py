@@ -8,9 +8,15 @@ import made_run
 import numpy as np
 import pytest
 
-from mcsettle.report.build import read_report
+from mcsettle.report.first_page import first_page, scope
+from mcsettle.report.material import Material
+from mcsettle.report.page import Page
+from mcsettle.report.price_words import question
 from mcsettle.report.render import html
+from mcsettle.storage.provenance import read_provenance
 from mcsettle.study.study import Study, load_study
+from mcsettle.summary.answers import answers
+from mcsettle.summary.results import read_results
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 PRICED = [
@@ -18,14 +24,22 @@ PRICED = [
     for path in sorted(STUDIES.glob("*.toml"))
     if "economics" in tomllib.loads(path.read_text(encoding="utf-8"))
 ]
-PLAIN = [path for path in PRICED if not load_study(path).nested]
-TRACKS = 8
+TRACKS, SETS = 8, 2
 
 
 def first_screen(folder: Path) -> str:
-    """The first page as text."""
-    text = html(read_report(folder))
+    """The first page as text, without computing what is folded behind it."""
+    results = read_results(folder)
+    material = Material(results, (), answers(results), read_provenance(folder))
+    asked = question(material.answers)
+    text = html(Page(results.study.title, asked, scope(material), first_page(material), ()))
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text.split("<nav")[0].split("<main")[1]))
+
+
+def small(path: Path) -> Study:
+    """The study at eight tracks, and of a nested one at two parameter sets."""
+    study = load_study(path)
+    return study.with_run(realisations=TRACKS, parameter_sets=SETS if study.nested else None)
 
 
 def made(folder: Path, study: Study, censored: bool = False) -> Path:
@@ -37,26 +51,27 @@ def made(folder: Path, study: Study, censored: bool = False) -> Path:
     return made_run.write(folder, study, days)
 
 
-@pytest.mark.parametrize("path", PLAIN, ids=[path.stem for path in PLAIN])
+@pytest.mark.parametrize("path", PRICED, ids=[path.stem for path in PRICED])
 def test_first_screen_names_what_a_price_needs(path: Path, tmp_path: Path) -> None:
-    study = load_study(path).with_run(realisations=TRACKS)
+    study = small(path)
     text = first_screen(made(tmp_path / "run", study))
     assert study.currency in text
     assert re.search(r"(pence|cents|[£€][\d.]+) per (1000 gross tonne|train)-km", text)
     # A price with its 95 % interval, the range over the forms or that there is one, and its worth.
     assert "line mean (95 %)" in text
     assert re.search(r"−?[\d.]+ \(−?[\d.]+ to −?[\d.]+\)", text)
-    assert re.search(r"over \d model forms|in all \d model forms|in one model form", text)
+    assert re.search(r"over \d+ model forms|in all \d+ model forms|in one model form", text)
     assert re.search(r"Supported: (yes|only as a range|no)", text)
     assert "When is the line tamped?" in text
     assert "What would narrow it" in text
 
 
-@pytest.mark.parametrize("path", PLAIN, ids=[path.stem for path in PLAIN])
+@pytest.mark.parametrize("path", PRICED, ids=[path.stem for path in PRICED])
 def test_nothing_censored_is_stated_as_a_mean(path: Path, tmp_path: Path) -> None:
-    study = load_study(path).with_run(realisations=TRACKS)
+    study = small(path)
     text = first_screen(made(tmp_path / "run", study, censored=True))
-    assert "no price. Only 3 of 8 pairs of sections reach the limit" in text
+    n = SETS if study.nested else 1
+    assert f"no price. Only {3 * n} of {TRACKS * n} pairs of sections reach the limit" in text
     assert not re.search(r"(costs?|saves?) about", text)
     assert not re.search(r"\d \(−?[\d.]+ to −?[\d.]+\)", text)  # no price with an interval
     assert "Supported: no" in text

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, ScalarFormatter
+from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from mcsettle.analysis.stress_under_train import StressAlong
 from mcsettle.report.figures.results import WIDTH, frame
@@ -28,8 +28,7 @@ def force_figure(forces: Sequence[tuple[str, np.ndarray]], wavelengths: np.ndarr
         )  # fmt: skip
         bar = figure.colorbar(picture, ax=axes, label="kN per mm", ticks=LogLocator(subs=(1, 2, 5)),
                               format=FormatStrFormatter("%g"))  # fmt: skip
-        bar.ax.yaxis.set_major_formatter(ScalarFormatter())
-        bar.ax.yaxis.set_minor_formatter(lambda *_: "")
+        bar.ax.yaxis.set_minor_formatter(NullFormatter())
         axes.set(ylabel="axle, from the front")
         axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
         axes.set_title(label)

@@ -215,8 +215,20 @@ def overview_figure(
     draw_survival(panels[1], curves)
     if spreads:
         draw_spreads(panels[2], spreads, label)
+    _one_legend(figure, panels)
     figure.suptitle(short(title, 150), x=0.01, ha="left")
     return figure
+
+
+def _one_legend(figure: Figure, panels: Sequence[Axes]) -> None:
+    """The scenarios named once, below all panels: within them two legends would hide the curves."""
+    for legend in (*figure.legends, *(axes.get_legend() for axes in panels)):
+        if legend is not None:
+            legend.remove()
+    handles, labels = panels[0].get_legend_handles_labels()
+    if labels:
+        columns = 4 if len(panels) > 2 else 2
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), columns))
 
 
 @styled
