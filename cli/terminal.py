@@ -20,7 +20,12 @@ import typer
 from rich import progress as bars
 from rich.console import Console
 
-from mcsettle.errors import InputError, MissingPrecomputationError, NumericalError
+from mcsettle.errors import (
+    InputError,
+    MissingPrecomputationError,
+    NumericalError,
+    computing,
+)
 from mcsettle.report.outgoing import json_text, lines, plain
 from mcsettle.storage.files import is_url
 from mcsettle.storage.location import Folder, place
@@ -124,7 +129,8 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
         _State.quiet = bool(kwargs.pop("quiet", False))
         try:
-            return command(*args, **kwargs)
+            with computing():
+                return command(*args, **kwargs)
         except KeyboardInterrupt:
             warn("\nInterrupted; nothing is half-written. The same command goes on from here.")
             raise typer.Exit(INTERRUPTED) from None

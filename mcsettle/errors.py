@@ -4,6 +4,11 @@ Three and no more. ``InputError`` is the user's to mend and never shows a traceb
 line; the other two say which part of a computation is missing or has failed.
 """
 
+import contextlib
+from collections.abc import Iterator
+
+from numpy.linalg import LinAlgError
+
 
 class InputError(ValueError):
     """A study, file, folder or option that cannot be used; the message says how to mend it."""
@@ -15,3 +20,21 @@ class MissingPrecomputationError(RuntimeError):
 
 class NumericalError(RuntimeError):
     """A computation that did not converge, or produced something that is not a number."""
+
+
+@contextlib.contextmanager
+def computing() -> Iterator[None]:
+    """Say in words that numbers have left what can be computed, as inputs far from any track make them.
+
+    Raises
+    ------
+    NumericalError
+        Instead of an overflow, a division by zero, or a matrix that is not one of numbers.
+    """
+    try:
+        yield
+    except (ArithmeticError, LinAlgError) as error:
+        raise NumericalError(
+            f"the inputs lead to numbers that cannot be computed ({error}); look for one that is far "
+            "from any track"
+        ) from error

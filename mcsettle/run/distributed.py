@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from mcsettle.errors import InputError
+from mcsettle.errors import InputError, computing
 from mcsettle.run.close import close, count_failed
 from mcsettle.run.dispatch import Tally, Work, drive
 from mcsettle.run.options import RunOptions
@@ -49,6 +49,7 @@ def parse_scheduler(text: str) -> tuple[str, int | None]:
     )
 
 
+@computing()
 def run_distributed(
     study: Study,
     out: Where,

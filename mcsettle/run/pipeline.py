@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import mcsettle
-from mcsettle.errors import InputError
+from mcsettle.errors import InputError, computing
 from mcsettle.run.close import close, count_failed
 from mcsettle.run.code_digest import code_digest
 from mcsettle.run.compute import Job, compute
@@ -68,6 +68,7 @@ class Prepared:
     shards: list[Shard]
 
 
+@computing()
 def run_study(
     study: Study,
     out: Where,
@@ -88,6 +89,8 @@ def run_study(
     InputError
         A parameter set the study would refuse; the folder cannot be written, holds results of
         something else, or another run is at work there.
+    NumericalError
+        The inputs lead to numbers that cannot be computed.
     """
     options = options or RunOptions()
     study, at, part = options.applied_to(study), place(out), options.shards

@@ -30,7 +30,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
-from mcsettle.errors import InputError
+from mcsettle.errors import InputError, NumericalError
 from mcsettle.run.close import gather
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
@@ -181,13 +181,15 @@ def fuzz_runs(folder: Path, cases: int, start: int) -> Counter[str]:
 
 
 def run_to_an_end(study: Study, out: Path, twice: bool) -> str:
-    """What became of a run: "refused" in words, "failed" rows, or "ran"; ``twice``: to the same bytes."""
+    """What became of a run, in a word; ``twice``: to the same bytes."""
     options = RunOptions(realisations=2, parameter_sets=2 if study.nested else None)
     try:
         finished = run_study(study, out, options)
     except InputError as error:
         in_words(error)
         return "refused"
+    except NumericalError:
+        return "beyond numbers"
     rows = toy.table(out, "realisations")
     keys = ["variant", "scenario", "parameter_set", "realisation"]
     sets = 2 if study.nested else 1
@@ -206,6 +208,29 @@ def run_to_an_end(study: Study, out: Path, twice: bool) -> str:
         run_study(study, out, options)
         assert toy.everything(out) == before
     return "failed" if failed.any() else "ran"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        (
+            "height_m",
+            5e299,
+            r"layers\.sub_ballast\.height_m: received 5e\+299; it must be less than",
+        ),
+        ("strength_pa", 3.5e-295, "the inputs lead to numbers that cannot be computed"),
+    ],
+)
+def test_numbers_far_from_any_track_are_told_in_words(fresh_cache, tmp_path, key, value, said):
+    text = resolved_toml(toy.tiny()).partition("[track.layers.sub_ballast]")
+    line = re.sub(rf"(?m)^{key} = .*$", f"{key} = {value}", text[2], count=1)
+
+    def run() -> None:
+        study = study_from_text((text[0] + text[1] + line).encode(), "study.toml")
+        run_study(study, tmp_path / "out", RunOptions(realisations=2))
+
+    with few_waves(), pytest.raises((InputError, NumericalError), match=said):
+        run()
 
 
 @contextlib.contextmanager

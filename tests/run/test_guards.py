@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -21,7 +22,7 @@ from mcsettle.storage import parquet
 from mcsettle.storage.location import place
 from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import read_provenance
-from mcsettle.storage.shard_record import read_record, record_name
+from mcsettle.storage.shard_record import fault, read_record, record_name
 from mcsettle.study.read import parsed_toml
 from mcsettle.study.study import load_study
 
@@ -60,6 +61,16 @@ def test_a_record_of_another_run_is_none(study, tmp_path):
     data = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(data | {"provenance": "ef" * 32}), encoding="utf-8")
     assert read_record(at, name, provenance) is None
+
+
+def test_a_shard_of_other_rows_than_its_record_says_is_damaged(study, tmp_path):
+    """Its hash is right, and so is the number of rows that is asked for."""
+    folder = small(study, tmp_path / "out")
+    at, name = place(folder), next((folder / "realisations").iterdir()).name
+    record = read_record(at, name, read_provenance(at))
+    assert record is not None
+    assert fault(at, name, record, 2) is None
+    assert fault(at, name, replace(record, rows=4), 4) == f"realisations/{name} has 2 rows, not 4"
 
 
 def test_gather_takes_the_manifest_away_before_it_changes_a_table(study, tmp_path, monkeypatch):

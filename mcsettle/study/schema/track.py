@@ -26,8 +26,8 @@ LoadPerRail = Literal["half", "whole"]
 class LayerTable(Table):
     """``[track.layers.<name>]``: what replaces the preset's values in one layer."""
 
-    height_m: Metres | None = None
-    width_m: Metres | None = None
+    height_m: Annotated[Metres, Field(le=1000)] | None = None
+    width_m: Annotated[Metres, Field(le=1000)] | None = None
     youngs_modulus_pa: Pascals | None = None
     poisson: Annotated[float, Field(gt=-1, lt=0.5)] | None = None
     density_kg_per_m3: Density | None = None
