@@ -107,7 +107,7 @@ def caches(folder: Path, seed: int, cases: int) -> Told:
 # What a block does, its cases, and how many blocks there are: 1000 kills, 20 000 studies that run …
 Block = tuple[Callable[[Path, int, int], Told], int, int]
 KINDS: dict[str, Block] = {
-    "kills": (kills, 100, 10),
+    "kills": (kills, 250, 4),
     "runs": (runs, 500, 40),
     "studies": (studies, 500, 5),
     "folders": (folders, 150, 5),
