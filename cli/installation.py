@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mcsettle.errors import InputError
+from mcsettle.step_a.processes import cores
 from mcsettle.storage.files import cache_folder
 
 PYTHON_FROM, PYTHON_BELOW = (3, 11), (3, 14)  # as in pyproject.toml
@@ -118,7 +119,7 @@ def _stores() -> Check:
 
 
 def _threads() -> Check:
-    ours, machine = len(os.sched_getaffinity(0)), os.cpu_count() or 1
+    ours, machine = cores(), os.cpu_count() or 1
     blas = os.environ.get("OPENBLAS_NUM_THREADS", "not set")
     found = f"{ours} of {machine} cores for this process, OPENBLAS_NUM_THREADS {blas}"
     if blas != "1" and ours > 1:

@@ -107,9 +107,9 @@ def prepare_streams() -> None:
 
 def cores() -> int:
     """Cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    from mcsettle.step_a import processes
+
+    return processes.cores()
 
 
 def heed_termination() -> None:
@@ -137,7 +137,7 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
         except BrokenPipeError:
             raise  # the reader of stdout has gone (`| head`): typer ends quietly
         except (InputError, MissingPrecomputationError, OSError) as error:
-            warn(as_options(f"mcsettle: {error}"))
+            warn(as_options(f"mcsettle: {error}{_of_the_folder()}"))
             raise typer.Exit(BAD_INPUT) from None
         except NumericalError as error:
             warn(f"mcsettle: the computation failed: {error}")
@@ -159,6 +159,15 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
     parameters = [*own.parameters.values(), quiet]
     wrapped.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
     return wrapped
+
+
+def _of_the_folder() -> str:
+    """What to say of the folder that the command works in, where it is the cause of an error."""
+    try:
+        os.getcwd()
+    except OSError:
+        return " (the folder that this command was started in has been removed: change to another)"
+    return ""
 
 
 def refuse_url(path: Path, option: str) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from mcsettle.errors import InputError
 from mcsettle.kernels.backend import NAME, ti
+from mcsettle.step_a.processes import cores
 from mcsettle.storage.files import cache_folder, refuse_link
 
 STALE_LOCK = 60.0  # s
@@ -36,7 +37,7 @@ def start(threads: int | None = None, debug: bool = False) -> dict[str, object]:
     ------
     RuntimeError : Taichi already runs with another configuration.
     """
-    n_threads = threads or len(os.sched_getaffinity(0))
+    n_threads = threads or cores()
     wanted: dict[str, object] = {"threads": n_threads, "debug": debug, "version": version()}
     if _started:
         if threads is not None and _started["threads"] != n_threads:

@@ -7,8 +7,6 @@ line; the other two say which part of a computation is missing or has failed.
 import contextlib
 from collections.abc import Iterator
 
-from numpy.linalg import LinAlgError
-
 
 class InputError(ValueError):
     """A study, file, folder or option that cannot be used; the message says how to mend it."""
@@ -33,7 +31,9 @@ def computing() -> Iterator[None]:
     """
     try:
         yield
-    except (ArithmeticError, LinAlgError) as error:
+    except (ArithmeticError, ValueError) as error:
+        if isinstance(error, ValueError) and type(error).__name__ != "LinAlgError":  # NumPy's
+            raise
         raise NumericalError(
             f"the inputs lead to numbers that cannot be computed ({error}); look for one that is far "
             "from any track"

@@ -6,7 +6,6 @@ preparation; a slice is a block of neighbours.
 """
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -117,8 +116,6 @@ def all_shards(study: Study, size: int) -> list[Shard]:
             f"the run has {n_shards(study, size)} shards of {size} realisations; at most "
             f"{MOST_SHARDS} are kept in one folder: give a larger shard_size= or split the study"
         )
-    for kind, names in (("variants", study.variant_names), ("scenarios", study.scenario_names)):
-        _refuse_alike(kind, names)
     return [
         Shard(member, variant, scenario, part.start, part.stop - 1, study.nested)
         for member in range(study.n_sets)
@@ -126,24 +123,6 @@ def all_shards(study: Study, size: int) -> list[Shard]:
         for scenario in study.scenario_names
         for part in index_ranges(study.run.realisations, size)
     ]
-
-
-def _refuse_alike(kind: str, names: Sequence[str]) -> None:
-    """Refuse names whose files would be one where a disk does not tell capitals from small letters.
-
-    Raises
-    ------
-    InputError
-        The message names both.
-    """
-    taken: dict[str, str] = {}
-    for name in names:
-        other = taken.setdefault(slug(name).casefold(), name)
-        if other != name:
-            raise InputError(
-                f"the {kind} '{other}' and '{name}' would share their files on a disk that does not "
-                "tell capitals from small letters; rename one"
-            )
 
 
 def slice_of(shards: list[Shard], part: Slice | None) -> list[Shard]:

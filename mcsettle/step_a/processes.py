@@ -18,6 +18,13 @@ WORKER = {
 }
 
 
+def cores() -> int:
+    """Cores this process may use; not every system tells those from the machine's."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 @contextmanager
 def process_pool(n: int) -> Iterator[ProcessPoolExecutor]:
     """``n`` spawned processes, for as long as the context lasts.

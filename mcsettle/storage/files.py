@@ -164,7 +164,8 @@ def _replace(target: Path, aside: Path, fill: Callable[[BinaryIO], object]) -> N
         aside.unlink(missing_ok=True)  # of an earlier process of this number
         with aside.open("xb") as file:
             fill(file)
-        _synchronise(aside)
+            file.flush()
+            os.fsync(file.fileno())  # by the handle that wrote it, as every system takes it
         os.replace(aside, target)
     finally:
         with contextlib.suppress(OSError):  # a disk that has just gone tells so above
@@ -241,9 +242,9 @@ def _make(folder: Path) -> None:
         _synchronise(folder.parent)
 
 
-def _synchronise(path: Path) -> None:
-    """Have the operating system put a file or folder on the disk."""
-    handle = os.open(path, os.O_RDONLY)
+def _synchronise(folder: Path) -> None:
+    """Have the operating system put the names in a folder on the disk."""
+    handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:

@@ -99,8 +99,9 @@ def is_alive(owner: Owner, path: Path | None) -> bool | None:
         return _ticks(owner.pid) == owner.ticks
     # A lock that can be had proves a death only where both would meet in it.
     same_machine = owner.host == me.host and owner.machine == me.machine != ""
+    untold = owner.host == me.host and not (owner.boot or me.boot)  # a system without such names
     unlocked = _is_unlocked(path)
-    if unlocked and ((owner.boot == me.boot) or same_machine):
+    if unlocked and (owner.boot == me.boot != "" or same_machine or untold):
         return False
     return True if unlocked is False else None
 

@@ -603,6 +603,19 @@ def test_command_in_an_empty_folder(tmp_path: Path) -> None:
     assert bad.stderr == "mcsettle: no.toml does not exist; 'mcsettle init' writes a study\n"
 
 
+def test_a_folder_that_has_gone_is_said(tmp_path: Path) -> None:
+    study = ROOT / "studies" / "toy.toml"
+    program = (
+        "import os, sys; os.rmdir(os.getcwd()); from mcsettle.cli.app import main; "
+        f"sys.argv[1:] = ['run', {str(study)!r}, '--out', 'r']; main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert done.returncode == 2
+    assert "the folder that this command was started in has been removed" in done.stderr
+
+
 def test_usage_error_is_exit_2() -> None:
     done = command("run", TOY)
     assert done.returncode == 2

@@ -184,11 +184,6 @@ def test_scenarios_of_any_name_are_run_and_resumed(tmp_path):
         assert rows.groupby("scenario").size().to_dict() == dict.fromkeys(names, 3)
 
 
-def test_names_that_a_disk_may_not_tell_apart_are_refused():
-    with pytest.raises(InputError, match="scenarios 'v201' and 'V201' would share their files"):
-        all_shards(renamed("v201", "V201"), 2048)
-
-
 def test_a_smaller_run_is_refused_by_what_names_say(tmp_path):
     study = renamed("set000009", "00000000-00000099")
     held = {shard.name for shard in all_shards(study, 2)}

@@ -112,6 +112,7 @@ FAULTS = [
     ("scenarios.0.timetable.0.per_day", 0, ["received 0"]),
     ("scenarios.0.timetable.0.train", "pasenger", ["no train here", "did you mean 'passenger'?"]),
     ("scenarios.0.timetable.0.speed_kmh", 400, ["Rayleigh speed 393 km/h", "allow_supercritical"]),
+    ("scenarios.0.name", "FAST", ["scenarios[2].name", "differs from 'FAST' in capitals alone"]),
     ("scenarios.0.name", "fast", ["scenarios[1].name", "scenarios[2].name", "more than once"]),
     ("scenarios.0.name", "a/b", ["letters, digits"]),
     ("economics.baseline", "slo", ["economics.baseline", "did you mean 'slow'?"]),

@@ -64,11 +64,17 @@ def source_faults(data: Mapping[str, Any], paths: Iterable[str]) -> Iterator[Fau
 def _duplicates(
     key: str, entries: Mapping[int, ScenarioTable] | Mapping[int, VariantTable]
 ) -> Iterator[Fault]:
-    counts = Counter(entry.name for entry in entries.values())
+    counts, first = Counter(entry.name for entry in entries.values()), dict[str, str]()
     for index, entry in entries.items():
+        path = dotted((key, index, "name"))
         if counts[entry.name] > 1:
-            path = dotted((key, index, "name"))
             yield Fault(path, f"received {shown(entry.name)} more than once; names must differ")
+        other = first.setdefault(entry.name.casefold(), entry.name)
+        if other != entry.name:
+            said = (
+                f"received {shown(entry.name)}, which differs from {shown(other)} in capitals alone"
+            )
+            yield Fault(path, f"{said}: their files would be one on some disks; rename one")
 
 
 def _unknown(
