@@ -56,23 +56,22 @@ def _share(value: Any) -> Any:
 
 
 PerCent = BeforeValidator(_share, json_schema_input_type=float | str)
-# Upper limits are far beyond any track: they keep the numbers that follow within a float's range.
-Metres = Annotated[float, quantity("m"), Field(gt=0, le=1e6)]
-Millimetres = Annotated[float, quantity("mm"), Field(gt=0, le=1e9)]
-Pascals = Annotated[float, quantity("Pa"), Field(gt=0, le=1e18)]
-Density = Annotated[float, quantity("kg/m^3"), Field(gt=0, le=1e18)]
-Mass = Annotated[float, quantity("kg"), Field(gt=0, le=1e18)]
-Tonnes = Annotated[float, quantity("t"), Field(ge=1e-3, le=1e6)]
-Inertia = Annotated[float, quantity("kg*m^2"), Field(gt=0, le=1e18)]
-SpringStiffness = Annotated[float, quantity("N/m"), Field(gt=0, le=1e18)]
-DashpotDamping = Annotated[float, quantity("N*s/m"), Field(ge=0, le=1e18)]
-LineStiffness = Annotated[float, quantity("N/m^2"), Field(gt=0, le=1e18)]
-LineDamping = Annotated[float, quantity("N*s/m^2"), Field(ge=0, le=1e18)]
+Metres = Annotated[float, quantity("m"), Field(gt=0)]
+Millimetres = Annotated[float, quantity("mm"), Field(gt=0)]
+Pascals = Annotated[float, quantity("Pa"), Field(gt=0)]
+Density = Annotated[float, quantity("kg/m^3"), Field(gt=0)]
+Mass = Annotated[float, quantity("kg"), Field(gt=0)]
+Tonnes = Annotated[float, quantity("t"), Field(ge=1e-3)]
+Inertia = Annotated[float, quantity("kg*m^2"), Field(gt=0)]
+SpringStiffness = Annotated[float, quantity("N/m"), Field(gt=0)]
+DashpotDamping = Annotated[float, quantity("N*s/m"), Field(ge=0)]
+LineStiffness = Annotated[float, quantity("N/m^2"), Field(gt=0)]
+LineDamping = Annotated[float, quantity("N*s/m^2"), Field(ge=0)]
 Speed = Annotated[float, quantity("km/h"), Field(gt=0, le=600)]
-Area = Annotated[float, quantity("m^2"), Field(gt=0, le=1e18)]
-SecondMoment = Annotated[float, quantity("m^4"), Field(gt=0, le=1e18)]
-Years = Annotated[float, quantity("year"), Field(gt=0, le=1e6)]
-Days = Annotated[float, quantity("day"), Field(ge=0, le=1e9)]
+Area = Annotated[float, quantity("m^2"), Field(gt=0)]
+SecondMoment = Annotated[float, quantity("m^4"), Field(gt=0)]
+Years = Annotated[float, quantity("year"), Field(gt=0)]
+Days = Annotated[float, quantity("day"), Field(ge=0)]
 
 
 def _converted(text: str, unit: str) -> float:
