@@ -6,11 +6,10 @@ DIR/manifest.json          rows and SHA-256 of every file: the folder is complet
 import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
 
 from mcsettle.errors import InputError
 from mcsettle.storage.location import Place, Where, place
-from mcsettle.storage.provenance import PROVENANCE, read_json, read_provenance
+from mcsettle.storage.provenance import PROVENANCE, UNSAID, read_json, read_provenance
 from mcsettle.storage.tables import TABLES
 
 MANIFEST = "manifest.json"
@@ -62,23 +61,11 @@ def listed_in(at: Place) -> dict[str, str] | None:
         return None
     own = asdict(read_provenance(at))
     try:
-        if data["schema_version"] != FORMAT or data["provenance"] not in (own, *_older(own)):
+        if data["schema_version"] != FORMAT or {**UNSAID, **data["provenance"]} != own:
             raise ValueError("it is of another run or version")
         return {str(entry["path"]): str(entry["sha256"]) for entry in data["files"]}
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"'{at}/{MANIFEST}' is damaged ({error}); resume the run") from error
-
-
-def _older(provenance: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Provenance as it was written before it said all that it says now, the latest first."""
-    found: list[dict[str, Any]] = []
-    left = dict(provenance)
-    for key in ("surrogate", "code_digest"):
-        if left.pop(key):
-            return found
-        found.append(dict(left))
-    del left["shard_realisations"]  # shards had one size
-    return [*found, left]
 
 
 def refuse_strays(at: Place, found: list[str], listed: list[str]) -> None:

@@ -6,7 +6,7 @@ DIR/provenance.json        what the folder holds, written first; another study i
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from typing import Any
 
 from mcsettle.errors import InputError
@@ -37,6 +37,10 @@ class Provenance:
     def digest(self) -> str:
         """SHA-256 [hex] of it."""
         return hashlib.sha256(_json(asdict(self)).encode()).hexdigest()
+
+
+# What folders of earlier versions do not say, and what it was then.
+UNSAID = {field.name: field.default for field in fields(Provenance) if field.default is not MISSING}
 
 
 def same_study(folder: Where, provenance: Provenance) -> bool:

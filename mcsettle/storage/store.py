@@ -35,7 +35,7 @@ from mcsettle.storage.manifest import (
 from mcsettle.storage.provenance import (
     LARGEST_TEXT,
     PROVENANCE,
-    SHARD,
+    UNSAID,
     Provenance,
     read_provenance,
     refuse_difference,
@@ -245,11 +245,7 @@ def _shard(data: bytes, where: str, table: str, provenance: Provenance) -> pa.Ta
         for key, value in (rows.schema.metadata or {}).items()
     }
     wanted = {key: str(value) for key, value in asdict(provenance).items()}
-    held = {key: stored.get(key, "nothing") for key in wanted}
-    if "shard_realisations" not in stored:  # written before shards had sizes
-        held["shard_realisations"] = str(SHARD)
-    for key in ("code_digest", "surrogate"):  # written before provenance said them
-        held[key] = stored.get(key, "")
+    held = {key: stored.get(key, str(UNSAID.get(key, "nothing"))) for key in wanted}
     refuse_difference(held, wanted, f"'{where}'", "remove it and resume the run")
     rows = rows.replace_schema_metadata(None)
     if not rows.schema.equals(schema_of(table, rows.schema.names)):

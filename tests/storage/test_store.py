@@ -14,7 +14,7 @@ import pytest
 from mcsettle.errors import InputError
 from mcsettle.storage import manifest, store
 from mcsettle.storage.files import write_file
-from mcsettle.storage.provenance import Provenance
+from mcsettle.storage.provenance import UNSAID, Provenance
 from mcsettle.storage.shard_name import shard_name, slug
 from mcsettle.storage.tables import TABLES
 
@@ -303,7 +303,7 @@ def without(folder, keys):
         pq.write_table(table.replace_schema_metadata(stored), shard)
 
 
-@pytest.mark.parametrize("keys", [("surrogate",), ("surrogate", "code_digest")])
+@pytest.mark.parametrize("keys", [("runtime",), ("runtime", "surrogate"), tuple(UNSAID)])
 def test_a_folder_of_before_is_read(folder, keys):
     before = store.read(folder, "realisations")
     without(folder, keys)
