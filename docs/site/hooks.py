@@ -1,6 +1,9 @@
-"""MkDocs hooks: pages of the repository outside docs/ join the site; nothing is loaded from elsewhere."""
+"""MkDocs hooks: pages outside docs/ and notebooks join the site; nothing is loaded from elsewhere."""
 
+import html
+import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +26,34 @@ def on_files(files: Files, config: Any) -> Files:
     for source, page in OUTSIDE.items():
         text = (ROOT / source).read_text(encoding="utf-8")
         files.append(File.generated(config, page, content=text))
+    for notebook in sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")):
+        files.remove(files.src_uris[f"tutorials/{notebook.name}"])
+        text = "\n\n".join(cells(notebook))
+        files.append(File.generated(config, f"tutorials/{notebook.stem}.md", content=text))
     return files
+
+
+def cells(notebook: Path) -> Iterator[str]:
+    """The cells of a notebook in Markdown, each with what it has printed and drawn."""
+    for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            yield source
+        else:
+            yield f"```python\n{source}\n```"
+            yield from filter(None, map(shown, cell["outputs"]))
+
+
+def shown(output: dict[str, Any]) -> str:
+    """One output: a picture, a table, or text."""
+    data = output.get("data", {})
+    if "image/png" in data:
+        picture = "".join(data["image/png"]).replace("\n", "")
+        return f'<p><img alt="output of the cell above" src="data:image/png;base64,{picture}"></p>'
+    if "text/html" in data:
+        return re.sub(r"<style.*?</style>|\n", "", "".join(data["text/html"]), flags=re.DOTALL)
+    text = html.escape("".join(output.get("text", data.get("text/plain", ""))), quote=False)
+    return f'<pre class="output">{text.rstrip()}</pre>'.replace("\n\n", "\n&#8203;\n")
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
@@ -34,7 +64,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     def link(match: re.Match[str]) -> str:
         path = (ROOT / source).parent.joinpath(match[2]).resolve()
         name = path.relative_to(ROOT).as_posix()
-        target = "../" * address.count("/") + OUTSIDE.get(name, name.removeprefix("docs/"))
+        page_of = OUTSIDE.get(name, name.removeprefix("docs/")).replace(".ipynb", ".md")
+        target = "../" * address.count("/") + page_of
         return f"{match[1]}{target}{match[3] or ''}{match[4]}"
 
     parts = re.split(r"(```.*?```)", markdown, flags=re.DOTALL)

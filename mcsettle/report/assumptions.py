@@ -23,9 +23,12 @@ FORMS = (
     "One model form: its choice can move this price by more than the 95 % interval. Run the set of forms "
     "([[variants]], each calibrated)."
 )
+# Measured by studies/beam_beside_section.py.
 HALF_SPACE = (
-    "Closed-form beam: its stresses are those of a uniform half-space, not of the layered section, and "
-    'may be far from them; model = "section" computes the section.'
+    "Closed-form beam: its stresses are those of a uniform half-space, not of the layered section. In "
+    "the study of 'mcsettle init' it makes the effect of speed 3.1 times as large: 225 instead of "
+    "201 km/h shortens the interval by 44.6 %, on the section by 14.5 ± 1.7 %. "
+    'model = "section" computes the section.'
 )
 
 
