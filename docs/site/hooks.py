@@ -40,7 +40,8 @@ def cells(notebook: Path) -> Iterator[str]:
         if cell["cell_type"] == "markdown":
             yield source
         else:
-            yield f"```python\n{source}\n```"
+            command = source.startswith("!")
+            yield f"```console\n$ {source[1:]}\n```" if command else f"```python\n{source}\n```"
             yield from filter(None, map(shown, cell["outputs"]))
 
 
