@@ -276,4 +276,5 @@ def test_every_page_is_in_the_contents_of_the_site() -> None:
     text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n")[1]
     pages = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
     outside = {"index.md", "studies.md", "contributing.md", "changelog.md"}
-    assert set(re.findall(r"[\w/-]+\.md", text)) == pages | outside
+    notebooks = {f"tutorials/{path.stem}.md" for path in (ROOT / "docs").rglob("*.ipynb")}
+    assert set(re.findall(r"[\w/-]+\.md", text)) == pages | outside | notebooks
