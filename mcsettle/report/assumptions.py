@@ -91,6 +91,13 @@ def told_apart(study: Study, variant: str, variants: Sequence[str]) -> str:
     return ", ".join(words[subject] for subject in subjects if words[subject])
 
 
+def beside(study: Study, variant: str, first: str) -> str:
+    """What ``variant`` assumes otherwise than the form ``first``."""
+    own, others = assumptions(study, variant), assumptions(study, first)
+    words = [text for subject, text in own.items() if text and text != others[subject]]
+    return ", ".join(words) or f"as {first.replace('_', ' ')}, with a factor of its own"
+
+
 def narrowed_by(answers: Answers) -> Iterator[str]:
     """What to measure or to run so that the price is known better, the most telling first."""
     study = answers.study

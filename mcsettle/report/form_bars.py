@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from mcsettle.estimate.rounding import number
-from mcsettle.report.assumptions import told_apart
+from mcsettle.report.assumptions import beside, told_apart
 from mcsettle.report.charging import PriceUnit, headline_unit
 from mcsettle.report.material import Material
 from mcsettle.report.money import money_for
@@ -46,7 +46,9 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
             for name in scenarios
             if (form, name) in answers.effects
         ]
-        note = told_apart(study, form, answers.forms)
+        first = answers.forms[0]
+        apart = form == first  # the others say only what is otherwise: the rows stay short
+        note = told_apart(study, form, answers.forms) if apart else beside(study, form, first)
         rows.append(BarRow(form.replace("_", " "), note, tuple(bars)))
     ticks = [t for t in MaxNLocator(5).tick_values(low, high) if low <= t <= high]
     step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
@@ -63,7 +65,8 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
         rows=tuple(rows),
         alt=f"Price, {money} per {label}: "
         + "; ".join(f"{row.title} {bar.label} {bar.cells[0]}" for row in rows for bar in row.bars),
-        note="Dot: mean of the line; bar: its 95 % interval; ring: published. Sign: settled where "
+        note="Each form but the first says what it assumes otherwise. Dot: mean of the line; bar: its "
+        "95 % interval; ring: published. Sign: settled where "
         "95 % of the sections agree that the interval shortens (cost) or lengthens (saving); open: "
         "the share that shortens.",
     )

@@ -2,7 +2,7 @@
 
 import made_run
 
-from mcsettle.report.assumptions import assumptions, differing, told_apart
+from mcsettle.report.assumptions import assumptions, beside, differing, told_apart
 
 
 def test_forms_are_told_apart_by_what_differs() -> None:
@@ -25,4 +25,6 @@ def test_forms_are_told_apart_by_what_differs() -> None:
     assert "equivalent axles, n = 3" in told_apart(study, "counted", names)
     assert "rail bending 1" in told_apart(study, "total", names)
     assert all(len(words.split()) <= 5 for words in assumptions(study, "plain").values())
+    assert beside(study, "varied", "plain") == "support varies 10 %"
+    assert beside(study, "total", "plain") == "total stress, rail bending 1"
     assert told_apart(study, "plain", ["plain"]) == "linear ground, traffic stress"
