@@ -57,9 +57,9 @@ class _Learning:
 
     @property
     def n_grounds(self) -> int:
-        """Grounds computed so far."""
-        keys = {p.key: p.ground for c in self.chosen for p in self.passages[c]}
-        return len({keys[key] for key in keys if key in self.transfers})
+        """Grounds computed so far, those of each set counted."""
+        of_sets = (_by_ground(self.passages[c], c % COMPLETE == 0) for c in self.chosen)
+        return sum(map(len, of_sets))
 
 
 def trained_predictor(

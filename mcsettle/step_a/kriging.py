@@ -23,7 +23,7 @@ LENGTHS = tuple(float(length) for length in 2.0 ** np.arange(-1.0, 6.0))  # SDs 
 FIRST_LENGTH = 4.0
 SWEEPS = 3  # over the inputs, at most
 DEGREES = (0, 1, 2)
-FEWEST = 1.5  # groups of points for each term of a trend
+FEWEST = 1.5  # groups of points for each term of a trend in what differs between groups
 SPREAD_LENGTH = 2.5  # SDs of an input
 SPREAD_NUGGET = 3e-3  # so that points side by side teach little
 INDEPENDENT = 1e-6  # share of a trend's term that the terms before it do not explain
@@ -89,9 +89,11 @@ def fitted(points: np.ndarray, gram: np.ndarray, groups: Sequence[np.ndarray]) -
     if len(groups) < 2:
         raise ValueError(f"{len(groups)} groups of training points; at least 2 are needed")
     best: tuple[float, Kriging] | None = None
+    within = inputs_within(points, groups)
     for degree in DEGREES:
-        terms = independent(points, all_terms(points.shape[1], degree))
-        if degree > 0 and FEWEST * len(terms) > len(groups):
+        terms = independent(points, trend_terms(points.shape[1], degree, within))
+        between = [term for term in terms if not within & set(term)]
+        if degree > 0 and FEWEST * len(between) > len(groups):
             continue
         loss, found = _lengths_of_least_error(points, gram, groups, terms)
         if best is None or loss < best[0]:
@@ -166,6 +168,27 @@ def all_terms(n_inputs: int, degree: int) -> tuple[tuple[int, ...], ...]:
     return tuple(
         term for n in range(degree + 1) for term in combinations_with_replacement(inputs, n)
     )
+
+
+def trend_terms(n_inputs: int, degree: int, within: set[int]) -> tuple[tuple[int, ...], ...]:
+    """``all_terms``; a linear trend may have another slope at each value of the inputs ``within``.
+
+    Effects compare such values (speeds) within a group, where an error that they share cancels.
+
+    >>> trend_terms(2, 1, {1})
+    ((), (0,), (1,), (0, 1))
+    """
+    terms = all_terms(n_inputs, degree)
+    if degree != 1:
+        return terms
+    products = [term for term in all_terms(n_inputs, 2) if len(within & set(term)) == 1]
+    return terms + tuple(term for term in products if len(set(term)) == 2)
+
+
+def inputs_within(points: np.ndarray, groups: Sequence[np.ndarray]) -> set[int]:
+    """Inputs that differ between the points [N, D] of one group."""
+    spans = np.max([np.ptp(points[group], axis=0) for group in groups], axis=0)
+    return {int(i) for i in np.flatnonzero(spans > 0.0)}
 
 
 def monomials(at: np.ndarray, terms: tuple[tuple[int, ...], ...]) -> np.ndarray:

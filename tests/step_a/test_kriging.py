@@ -8,6 +8,7 @@ from mcsettle.step_a.kriging import (
     conditioned,
     fitted,
     independent,
+    inputs_within,
     left_out_loss,
     monomials,
     next_spread,
@@ -106,3 +107,16 @@ def test_next_points_are_spread_and_new():
 def test_one_group_cannot_be_left_out():
     with pytest.raises(ValueError, match="1 groups"):
         fitted(POINTS, np.eye(len(POINTS)), [np.arange(len(POINTS))])
+
+
+def test_a_linear_trend_has_its_own_slopes_at_each_speed():
+    places = RNG.normal(size=(9, 1))
+    points = np.concatenate([np.column_stack([places, np.full(9, v)]) for v in (-1.0, 1.0)])
+    groups = [np.array([i, i + 9]) for i in range(9)]
+    assert inputs_within(points, groups) == {1}
+    values = (points[:, 0] * (2.0 + points[:, 1]))[:, None]
+    kriging = fitted(points, values @ values.T, groups)
+    assert (0, 1) in kriging.terms
+    assert left_out_loss(kriging, values @ values.T, groups) < 1e-6
+    alone = [np.array([i]) for i in range(9)]
+    assert inputs_within(points[:9], alone) == set()
