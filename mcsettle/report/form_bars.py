@@ -54,11 +54,11 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
     step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
     digits = max(0, -int(np.floor(np.log10(step) + 1e-9)))
     head = (
-        "model form", f"price, {money} per {label}", "line mean (95 %)", "sections, P5 to P95",
-        "interval", "sign",
+        "model form", "price", "line mean (95 %)", "sections, P5 to P95", "interval", "sign",
     )  # fmt: skip
+    of = f" for {scenarios[0]}" if len(scenarios) == 1 else ""
     return Bars(
-        caption="What the choice of model moves",
+        caption=f"What the choice of model moves{of}: price, {money} per {label}",
         head=head,
         zero=place(0.0),
         ticks=tuple((place(t), number(t, digits)) for t in ticks),
