@@ -52,7 +52,15 @@ def write(folder: Path, made: Study, days: dict[str, Any], failed: tuple[int, ..
     """
     provenance = Provenance("0", made.digest, "0" * 64, made.seed, "1.7.4", "f64", 8)
     store.prepare(folder, provenance)
-    write_file(folder / "study.toml", resolved_toml(made).encode())
+    files = {}
+    for key, (
+        _,
+        path,
+    ) in made.input_files().items():  # kept beside the results, as a run keeps them
+        files[key] = f"inputs/{key}/{path.name}"
+        (folder / files[key]).parent.mkdir(parents=True)
+        write_file(folder / files[key], path.read_bytes())
+    write_file(folder / "study.toml", resolved_toml(made, files).encode())
     given = {name: np.asarray(d, dtype=float) for name, d in days.items()}
     bad = np.isin(np.arange(len(next(iter(given.values())))), failed)
     for member in all_sets(made):
