@@ -7,6 +7,7 @@ Options steer a run (sample size, seed, threads, batch, folders) and never the p
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from mcsettle.cli.calibrate import calibrate
 from mcsettle.cli.check import check
@@ -59,7 +60,7 @@ for verb in (
     *(init, check, schema, run, plan, status, gather, summarise, report, export, compare),
     *(calibrate, tornado, life, sections, grounds, track, profile, validate, doctor),
 ):
-    app.command(epilog=f"Example: {EXAMPLES[verb.__name__]}")(verb)
+    app.command(epilog=f"Example: {escape(EXAMPLES[verb.__name__])}")(verb)
 
 
 def main() -> None:

@@ -16,10 +16,11 @@ EXAMPLES: Mapping[str, str] = {
     "export": "mcsettle export results --csv tables",
     "compare": "mcsettle run study.toml --seed 2 --out other && mcsettle compare results other",
     "calibrate": "mcsettle calibrate study.toml --scenario v201 --median-days 697",
-    "life": "mcsettle init --example toy_uncertain && mcsettle life toy_uncertain.toml",
+    "life": 'mcsettle init life.toml && printf \'[maintenance]\\nrecovery = "linear"\\n'
+    "intercept_mm = 0.4\\nslope = 0.3\\n' >> life.toml && mcsettle life life.toml",
     "sections": "mcsettle init --example line && mcsettle sections line.toml",
     "grounds": "mcsettle init --example prorail && mcsettle grounds prorail.toml",
-    "tornado": "mcsettle tornado toy_uncertain.toml",
+    "tornado": "mcsettle init --example toy_uncertain && mcsettle tornado toy_uncertain.toml",
     "profile": "mcsettle init --example validation && mcsettle profile validation/record.csv",
     "validate": "mcsettle validate layered_bessel",
     "doctor": "mcsettle doctor",

@@ -18,8 +18,8 @@ import numpy as np
 from scipy import optimize, stats
 
 from mcsettle.analysis import calibration
-from mcsettle.estimate import crossed as nested
 from mcsettle.estimate import sample, total_index, variance
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import LEVELS, Estimate
 from mcsettle.estimate.likelihood import Likelihood, likelihood_of, log_of
 from mcsettle.estimate.line_mean import line_means
@@ -114,7 +114,7 @@ def crossed_quantile_of(level: float) -> Callable[..., Outcome]:
 
     def run(rng: np.random.Generator) -> Outcome:
         days = crossed(rng)
-        found = nested.crossed_interval_quantile(days, np.full(days.shape, np.nan), level)
+        found = CrossedSample(days, "d").interval_quantiles((level,))[0]
         return [(found, truth)]
 
     return run
@@ -122,13 +122,14 @@ def crossed_quantile_of(level: float) -> Callable[..., Outcome]:
 
 def crossed_censored(rng: np.random.Generator) -> Outcome:
     """Median over sets and tracks, cut at a horizon."""
-    return [(nested.crossed_interval_quantile(*cut(crossed(rng), 800.0), 0.5), MEDIAN)]
+    days, ends = cut(crossed(rng), 800.0)
+    return [(CrossedSample(days, "d", ends).interval_quantiles((0.5,))[0], MEDIAN)]
 
 
 def crossed_mean_of(n: int) -> Callable[..., Outcome]:
     """Mean over n sets and n tracks."""
     truth = float(MEDIAN * np.exp(0.5 * TOTAL**2))
-    return lambda rng: [(nested.crossed_mean(crossed(rng, n, n), "d"), truth)]
+    return lambda rng: [(CrossedSample(crossed(rng, n, n), "d").mean(), truth)]
 
 
 def line_truth(count: int, of_set: float, inner: float) -> tuple[float, ...]:
@@ -162,7 +163,7 @@ def line_of(km: float, level: int, n_sets: int, n_tracks: int) -> Callable[..., 
 
     def run(rng: np.random.Generator) -> Outcome:
         days = crossed(rng, n_sets, n_tracks) if n_sets > 1 else lognormal(rng, n_tracks)[None, :]
-        line = line_means(days, 200.0, (km,))[0]
+        line = line_means(CrossedSample(days, "d"), 200.0, (km,))[0]
         truth = known_line(line.sections, n_sets > 1)[level]
         return [((*line.quantiles, line.mean)[level], truth)]
 
@@ -198,7 +199,7 @@ def conditioned_on(renewed: bool) -> Callable[..., Outcome]:
         entry = Observation(None, SEEN, SEEN_ERROR)
         weights = Likelihood((log_of(entry, days),), ()).weights()
         given = weights if renewed else weights.values
-        found = nested.crossed_quantiles(days, days, (0.5,), "d", set_weights=given)[0]
+        found = CrossedSample(days, "d", weights=given).quantiles((0.5,))[0]
         return [(found, conditioned_median())]
 
     return run
@@ -209,7 +210,8 @@ def conditioned_line(rng: np.random.Generator) -> Outcome:
     days = crossed(rng, 256, 40)
     entry = Observation(None, SEEN, SEEN_ERROR)
     weights = Likelihood((log_of(entry, days),), ()).weights()
-    found = line_means(days, 200.0, (10.0,), set_weights=weights)[0].quantiles[1]
+    lines = line_means(CrossedSample(days, "d", weights=weights), 200.0, (10.0,))
+    found = lines[0].quantiles[1]
     return [(found, conditioned_line_median())]
 
 
@@ -288,7 +290,7 @@ def conditioned_fitted(rng: np.random.Generator) -> Outcome:
 
     fitted = weights_of_fits(longer, np.exp(np.array(logs) - max(logs)), 64)
     weights = as_interval(fitted)
-    return [(nested.crossed_quantiles(days, days, (0.5,), "d", set_weights=weights)[0], 697.0)]
+    return [(CrossedSample(days, "d", weights=weights).quantiles((0.5,))[0], 697.0)]
 
 
 def own_posterior() -> tuple[np.ndarray, np.ndarray]:
@@ -366,7 +368,7 @@ def censored_rows_dropped(rng: np.random.Generator) -> Outcome:
 def weights_left_out(rng: np.random.Generator) -> Outcome:
     """As though nothing had been observed."""
     days = crossed(rng, 256, 40)
-    return [(nested.crossed_quantiles(days, days, (0.5,), "d")[0], conditioned_median())]
+    return [(CrossedSample(days, "d").quantiles((0.5,))[0], conditioned_median())]
 
 
 EXPERIMENTS = (

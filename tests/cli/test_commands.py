@@ -672,3 +672,8 @@ def test_studies_of_one_name_are_refused_together(tmp_path):
     assert done.exit_code == 2
     assert "toy: several study files of this name" in done.output
     assert not (tmp_path / "both").exists()
+
+
+def test_help_shows_the_tables_that_an_example_names() -> None:
+    shown = CliRunner().invoke(app, ["life", "--help"]).output
+    assert "[maintenance]" in shown

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from toy import everything
@@ -131,7 +132,8 @@ def test_signals_end_a_run_with_130_and_the_lock_is_given_back(sent, study, whol
 )
 def test_a_disk_that_fails_in_mid_run(study, whole, tmp_path, monkeypatch, call, number, words):
     """The system refuses the n-th call and all later ones; mended, the same run goes on."""
-    kept, calls, first = getattr(os, call), [], {"replace": 12}.get(call, 28)
+    owner: Any = Path if call == "open" else files.os
+    kept, calls, first = getattr(owner, call), [], {"replace": 12}.get(call, 28)
 
     def refuse(*arguments, **options):
         calls.append(arguments)
@@ -140,7 +142,7 @@ def test_a_disk_that_fails_in_mid_run(study, whole, tmp_path, monkeypatch, call,
         return kept(*arguments, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(files.os, call, refuse)
+        patch.setattr(owner, call, refuse)
         with pytest.raises(InputError, match=f"cannot be written: .*{words}"):
             run_study(study, tmp_path, RunOptions(shard_size=SIZE))
     found = survey(tmp_path)

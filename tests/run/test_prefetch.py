@@ -72,7 +72,7 @@ def test_softened_grounds_that_are_at_hand_start_no_process(monkeypatch):
     folder = cache_folder()
     folder.mkdir(parents=True, exist_ok=True)
     scenes = study.scenes
-    passages = [p for p in transfers._passages(scenes, TransferStore()) if p[2].softened]
+    passages = [p for p in transfers.passages_of(scenes, TransferStore()) if p[2].softened]
     assert len({ground for *_, ground in passages}) == 4
     contact = study.track_table.hertz_stiffness_n_per_m
     for _, service, (track, depth, softened, settings) in passages:
