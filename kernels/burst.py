@@ -109,11 +109,11 @@ def take_copy(t: int, n_modes: int, state: ti.template()):
 
 
 @ti.func
-def common_linear(
-    t: int, a: int, n: int, w: ti.template(), form: ti.template(), mean: ti.template(),
-    n_groups: ti.template(), state: ti.template(), re: ti.template(), im: ti.template(),
+def linear_coefficients(
+    a: int, n: int, w: ti.template(), form: ti.template(), mean: ti.template(),
+    n_groups: ti.template(),
 ):  # fmt: skip
-    """Begin the growth of mode n with its linear part; add what it settles uniformly."""
+    """Of mode n at a passage: the linear part, real and imaginary, and what it adds to the average."""
     ca = 0.0
     cb = 0.0
     cg = 0.0
@@ -121,6 +121,16 @@ def common_linear(
         ca = ca + w[g] * form[a, g, n, 0]
         cb = cb + w[g] * form[a, g, n, 1]
         cg = cg + w[g] * mean[a, g, n]
+    return ca, cb, cg
+
+
+@ti.func
+def common_linear(
+    t: int, a: int, n: int, w: ti.template(), form: ti.template(), mean: ti.template(),
+    n_groups: ti.template(), state: ti.template(), re: ti.template(), im: ti.template(),
+):  # fmt: skip
+    """Begin the growth of mode n with its linear part; add what it settles uniformly."""
+    ca, cb, cg = linear_coefficients(a, n, w, form, mean, n_groups)
     la = ti.cast(ca, state.d.dtype)
     lb = ti.cast(cb, state.d.dtype)
     for lane in range(state.v.shape[3]):
@@ -202,13 +212,7 @@ def common_load(
     re: ti.template(), im: ti.template(),
 ):  # fmt: skip
     """The linear part of what settles at mode n, and what the mode adds to the average."""
-    ca = 0.0
-    cb = 0.0
-    cg = 0.0
-    for g in ti.static(range(n_groups)):
-        ca = ca + w[g] * form[a, g, n, 0]
-        cb = cb + w[g] * form[a, g, n, 1]
-        cg = cg + w[g] * mean[a, g, n]
+    ca, cb, cg = linear_coefficients(a, n, w, form, mean, n_groups)
     la = ti.cast(ca, state.d.dtype)
     lb = ti.cast(cb, state.d.dtype)
     lg = ti.cast(cg, state.d.dtype)
