@@ -22,6 +22,7 @@ from typing import ClassVar
 import click
 import pytest
 import typer
+from rich.markup import render
 
 from mcsettle.cli.app import app
 from mcsettle.cli.examples import EXAMPLES
@@ -169,7 +170,7 @@ def test_every_command_has_an_example_in_its_help() -> None:
     assert set(EXAMPLES) == set(verbs())
     for verb, command in verbs().items():
         assert f"mcsettle {verb}" in EXAMPLES[verb]
-        assert EXAMPLES[verb] in str(command.epilog)
+        assert f"Example: {EXAMPLES[verb]}" == render(str(command.epilog)).plain
 
 
 @pytest.mark.parametrize("page", [*PAGES, "CONTRIBUTING.md"])
