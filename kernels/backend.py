@@ -5,6 +5,7 @@ bit, so that a results folder is of one of them. Every kernel takes ``ti`` from 
 """
 
 import atexit
+import functools
 import importlib
 import importlib.util
 import os
@@ -41,6 +42,21 @@ except ImportError:
     raise InputError(
         f"{VARIABLE} is {NAME!r}, which is not installed: pip install 'mcsettle[{NAME}]'"
     ) from None
+
+if NAME == "taichi":
+    # Half of the time in which it builds kernels, the compiler looks for sources (of every function at
+    # every call, of the class that a kernel might be in) and draws the line of every node, for messages
+    # of faults that these kernels do not have.
+    from taichi.lang import kernel_impl
+    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+
+    def _position(context: Any, node: Any) -> str:
+        return f"{context.file}:{node.lineno + context.lineno_offset}\n"
+
+    ASTTransformerContext.get_pos_info = _position
+    kernel_impl._inside_class = lambda *_, **__: False
+    kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
+    kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
 
 
 @dataclass_transform(frozen_default=True)
