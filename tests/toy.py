@@ -109,7 +109,7 @@ def cycles(settlement_model: SettlementModel, gone: float = 0.0) -> np.ndarray:
 
 
 def study(**changes) -> Study:
-    """The toy study cut down: three cars, four realisations, about a month to the limit.
+    """The toy study cut down: three cars, four realisations, waves of 8 m and more, a month to the limit.
 
     ``changes`` replace keys of its tables, as in ``run={"realisations": 8}``; None leaves one out.
     """
@@ -117,6 +117,7 @@ def study(**changes) -> Study:
     data = tomllib.loads(path.read_text(encoding="utf-8"))
     data["trains"]["passenger"]["cars"] = 3
     quick = {
+        "profile": {"shortest_m": 8.0},
         "settlement": {"settlement_factor": FACTOR},
         "limit": {"horizon_years": 2},
         "run": {"realisations": 4, "history_days": [0, 5, 20, 40]},

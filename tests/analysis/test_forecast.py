@@ -103,7 +103,7 @@ def _coverage(sd: np.ndarray, believed: float) -> float:
 
 
 def test_a_study_predicts_what_was_held_out(fresh_cache: Path, tmp_path: Path) -> None:
-    study = toy.study(run={"realisations": 48})
+    study = toy.study(profile={"shortest_m": 3.0}, run={"realisations": 48})
     from mcsettle.step_a.transfers import step_a
     from mcsettle.step_b.build_case import build_case
 

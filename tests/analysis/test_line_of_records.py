@@ -47,7 +47,11 @@ def line_of(folder, seed: int, name: str, start: float = 0.0, shift: float = 2.0
 
 def study_of(folder, **line) -> Study:
     variants = [{"name": "base"}, {"name": "weak", "settlement_factor": 40.0}]
-    study = toy.study(variants=variants, line={"sd_error_mm": 0.02, "scenario": "v201", **line})
+    study = toy.study(
+        profile={"shortest_m": 3.0},
+        variants=variants,
+        line={"sd_error_mm": 0.02, "scenario": "v201", **line},
+    )
     path = folder / "study.toml"
     path.write_text(resolved_toml(study), encoding="utf-8")
     return load_study(path)

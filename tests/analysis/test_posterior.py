@@ -23,7 +23,7 @@ DAYS, ERROR, TRUTH = np.array([5.0, 15.0, 25.0]), 0.02, 250.0
 
 @pytest.fixture(scope="module")
 def study():
-    return toy.study(run={"realisations": 64})
+    return toy.study(profile={"shortest_m": 3.0}, run={"realisations": 64})
 
 
 def observed(study, factor, realisation, rng=None) -> tuple[Observation, ...]:
@@ -81,7 +81,9 @@ def test_smaller_errors_and_more_days_narrow_it(study):
 
 def test_the_studys_own_factor_does_not_matter(study):
     rows = observed(study, TRUTH, 1000)
-    other = toy.study(run={"realisations": 64}, settlement={"settlement_factor": 7.0})
+    other = toy.study(
+        profile={"shortest_m": 3.0}, run={"realisations": 64}, settlement={"settlement_factor": 7.0}
+    )
     assert infer_factor(other, "v201", rows) == infer_factor(study, "v201", rows)
 
 

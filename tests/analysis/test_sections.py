@@ -27,7 +27,7 @@ DAYS, ERROR, N = np.array([0.0, 4.0, 8.0, 12.0]), 0.01, 24
 def line_study(folder, csv: str, **line) -> Study:
     (folder / "sds.csv").write_text(csv, encoding="utf-8")
     table = {"sd_file": "sds.csv", "scenario": "v201", "sd_error_mm": ERROR, **line}
-    study = toy.study(line=table)
+    study = toy.study(profile={"shortest_m": 3.0}, line=table)
     path = folder / "study.toml"
     path.write_text(resolved_toml(study), encoding="utf-8")
     return load_study(path)
@@ -45,7 +45,7 @@ def csv_of(sd_mm: np.ndarray) -> str:
 @pytest.fixture(scope="module")
 def truth(fresh_cache):
     """SDs [S, D] mm of sections with factors of log-SD 0.4, by the toy's own Step B."""
-    study = toy.study()
+    study = toy.study(profile={"shortest_m": 3.0})
     scene = study.scene("base", "v201")
     case = replace(build_case(scene, step_a([scene])), sd_limit=20e-3)
     engine = CycleJump(case)

@@ -30,7 +30,14 @@ from mcsettle.cli.examples import EXAMPLES
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
 # Step A of sections, or many commands: .ci/run takes them, the fast suite does not.
-SLOW = {"README.md", "docs/guide/line.md", "studies/README.md"}
+SLOW = {
+    "README.md",
+    "docs/guide/calibrating.md",
+    "docs/guide/line.md",
+    "docs/guide/report.md",
+    "docs/guide/start.md",
+    "studies/README.md",
+}
 PAGES = sorted(
     path.relative_to(ROOT).as_posix()
     for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md"), ROOT / "studies/README.md")

@@ -120,7 +120,7 @@ import test_bits
 out = {}
 for stepping, side in test_bits.RUNS:
     engine = engine_for(test_bits.quick(), stepping, side, threads=int(sys.argv[1]))
-    outcome = engine.run(test_bits.tracks(range(200)), test_bits.DAYS)
+    outcome = engine.run(test_bits.tracks(range(130)), test_bits.DAYS)
     for name in test_bits.FIELDS:
         out["-".join((stepping, side, name))] = getattr(outcome, name)
 np.savez(sys.argv[2], **out)
@@ -128,7 +128,7 @@ np.savez(sys.argv[2], **out)
 
 
 def test_threads(tmp_path):
-    """200 realisations are four tiles: more than the two threads that share them."""
+    """130 realisations are three tiles: more than the two threads that share them."""
     results = []
     for threads in ("1", "2"):
         path = tmp_path / f"{threads}.npz"

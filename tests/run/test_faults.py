@@ -74,7 +74,7 @@ def campaign(study, whole, tmp_path, fresh_cache, kills, *seed):
 
 
 def test_a_few_kills(study, whole, tmp_path, fresh_cache):
-    campaign(study, whole, tmp_path, fresh_cache, 6, "1")
+    campaign(study, whole, tmp_path, fresh_cache, 3, "1")
 
 
 @pytest.mark.slow

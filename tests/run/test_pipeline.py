@@ -202,15 +202,15 @@ def test_titles_and_economics_free_studies(tmp_path):
 
 def test_out_of_time_rows_are_censored(tmp_path):
     """The horizon falls between the tracks: rows without days, effects without numbers."""
-    horizon = 33.5 / 365  # the limit comes after 27 to 44 days
+    horizon = 57.5 / 365  # the limit comes after 37 to 104 days
     study = toy.study(run={"realisations": 12}, limit={"horizon_years": horizon})
     run_study(study, tmp_path)
     rows = table(tmp_path, "realisations")
     late = rows["status"] == "censored"
     assert 2 < late.sum() < 22
     assert rows.loc[late, "tamping_interval_days"].isna().all()
-    np.testing.assert_allclose(rows.loc[late, "censored_at_days"], 33.5)
-    np.testing.assert_array_equal(rows.loc[late, "passages"], round(33.5 * 864))
+    np.testing.assert_allclose(rows.loc[late, "censored_at_days"], 57.5)
+    np.testing.assert_array_equal(rows.loc[late, "passages"], round(57.5 * 864))
     assert (rows.loc[late, "sd_final_mm"] < 1.5).all()
     assert rows.loc[~late, "censored_at_days"].isna().all()
     assert set(rows.loc[~late, "status"]) == {"reached"}

@@ -17,7 +17,7 @@ def test_a_plan_counts_what_a_run_will_write(stepping):
     """Two scenarios of 5000 tracks in batches of 2048, each a shard of two and a bit."""
     found = plan(toy.study(run={"realisations": 5000, "stepping": stepping}))
     assert (found.rows, found.scenarios, found.variants, found.batches) == (10_000, 2, 1, 6)
-    assert (found.batch, found.modes, found.stepping) == (2048, 61, stepping)
+    assert (found.batch, found.modes, found.stepping) == (2048, 20, stepping)
     assert found.seconds > 0.0
     assert 0.5 < found.disk_mb < 5.0
     assert 400.0 < found.memory_mb < 1000.0
