@@ -47,16 +47,16 @@ if NAME == "taichi":
     # Half of the time in which it builds kernels, the compiler looks for sources (of every function at
     # every call, of the class that a kernel might be in) and draws the line of every node, for messages
     # of faults that these kernels do not have.
-    from taichi.lang import kernel_impl
-    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+    _functions = importlib.import_module("taichi.lang.kernel_impl")
+    _nodes = importlib.import_module("taichi.lang.ast.ast_transformer_utils")
 
     def _position(context: Any, node: Any) -> str:
         return f"{context.file}:{node.lineno + context.lineno_offset}\n"
 
-    ASTTransformerContext.get_pos_info = _position
-    kernel_impl._inside_class = lambda *_, **__: False
-    kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
-    kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
+    _nodes.ASTTransformerContext.get_pos_info = _position
+    _functions._inside_class = lambda *_, **__: False
+    _functions.getsourcefile = functools.cache(_functions.getsourcefile)
+    _functions.getsourcelines = functools.cache(_functions.getsourcelines)
 
 
 @dataclass_transform(frozen_default=True)
