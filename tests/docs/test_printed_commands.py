@@ -130,8 +130,9 @@ class Reader:
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One cache for all pages."""
-    return tmp_path_factory.mktemp("cache")
+    """One cache for all pages and workers."""
+    base = tmp_path_factory.getbasetemp()
+    return (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "printed-cache"
 
 
 @pytest.fixture
