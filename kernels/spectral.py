@@ -118,7 +118,6 @@ def rates(
 ):
     """Growth of every realisation with its own weights: out = Σ_e w[r, e] form_e(u[r])."""
     n_modes = sum_start.shape[0] - 1
-    n_sums = sums.shape[0]
     lanes = ti.static(s.shape[3])
     for tile in range((n_real + lanes - 1) // lanes):
         t = tile & (s.shape[0] - 1)
@@ -136,30 +135,10 @@ def rates(
                 total[lane] = total[lane] + weight[t, e, lane] * c0
         for mode in range(n_modes):
             n = mode & ROWS
-            # The linear part, and what the mode adds to the uniform settlement.
-            a = ti.Vector([form[e, n, 0] for e in ti.static(range(n_forms))])
-            b = ti.Vector([form[e, n, 1] for e in ti.static(range(n_forms))])
-            g = ti.Vector([mean[e, n] for e in ti.static(range(n_forms))])
-            for lane in range(lanes):
-                ca = 0.0
-                cb = 0.0
-                cg = 0.0
-                for e in ti.static(range(n_forms)):
-                    ca = ca + weight[t, e, lane] * a[e]
-                    cb = cb + weight[t, e, lane] * b[e]
-                    cg = cg + weight[t, e, lane] * g[e]
-                x = s[t, n, 0, lane]
-                y = s[t, n, 1, lane]
-                re[lane] = ca * x - cb * y
-                im[lane] = ca * y + cb * x
-                total[lane] = total[lane] + cg * (x * x + y * y)
-            # Pairs of modes whose numbers add up to n, then those that differ by n.
-            for p in range(sum_start[n], sum_start[n + 1]):
-                own_product(t, n_modes + p, p, sums, form, weight, n_forms, False, s, re, im)
-            for p in range(diff_start[n], diff_start[n + 1]):
-                own_product(
-                    t, n_modes + n_sums + p, p, diffs, form, weight, n_forms, True, s, re, im
-                )
+            own_mode(
+                t, n, n_modes, n_forms, form, mean, sums, sum_start, diffs, diff_start, s, weight,
+                total, re, im,
+            )  # fmt: skip
             for lane in range(lanes):
                 if first + lane < n_real:
                     out[first + lane, n, 0] = re[lane]
@@ -187,6 +166,38 @@ def take_weights(
     for e in range(n_forms):
         for lane in range(weight.shape[2]):
             weight[t, e, lane] = w[ti.min(first + lane, n_real - 1), e]
+
+
+@ti.func
+def own_mode(
+    t: int, n: int, n_modes: int, n_forms: ti.template(), form: ti.template(),
+    mean: ti.template(), sums: ti.template(), sum_start: ti.template(), diffs: ti.template(),
+    diff_start: ti.template(), s: ti.template(), weight: ti.template(), total: ti.template(),
+    re: ti.template(), im: ti.template(),
+):  # fmt: skip
+    """What settles at mode n, weighted lane by lane; ``total`` gains what it adds to the mean."""
+    a = ti.Vector([form[e, n, 0] for e in ti.static(range(n_forms))])
+    b = ti.Vector([form[e, n, 1] for e in ti.static(range(n_forms))])
+    g = ti.Vector([mean[e, n] for e in ti.static(range(n_forms))])
+    for lane in range(s.shape[3]):
+        ca = 0.0
+        cb = 0.0
+        cg = 0.0
+        for e in ti.static(range(n_forms)):
+            ca = ca + weight[t, e, lane] * a[e]
+            cb = cb + weight[t, e, lane] * b[e]
+            cg = cg + weight[t, e, lane] * g[e]
+        x = s[t, n, 0, lane]
+        y = s[t, n, 1, lane]
+        re[lane] = ca * x - cb * y
+        im[lane] = ca * y + cb * x
+        total[lane] = total[lane] + cg * (x * x + y * y)
+    # Pairs of modes whose numbers add up to n, then those that differ by n.
+    for p in range(sum_start[n], sum_start[n + 1]):
+        own_product(t, n_modes + p, p, sums, form, weight, n_forms, False, s, re, im)
+    for p in range(diff_start[n], diff_start[n + 1]):
+        row = n_modes + sums.shape[0] + p
+        own_product(t, row, p, diffs, form, weight, n_forms, True, s, re, im)
 
 
 @ti.func

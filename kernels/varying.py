@@ -16,6 +16,7 @@ from mcsettle.kernels.spectral import (
     PRECISIONS,
     ROWS,
     Tables,
+    own_mode,
     own_product,
     take_rows,
     take_weights,
@@ -165,7 +166,6 @@ def own_half(
     load: ti.template(), re: ti.template(), im: ti.template(),
 ):  # fmt: skip
     """Half of what settles in the band by own weights, and what settles on average."""
-    n_sums = sums.shape[0]
     own = ti.static(varying.own)
     for lane in range(s.shape[3]):
         load[lane] = 0.0
@@ -175,26 +175,10 @@ def own_half(
             load[lane] = load[lane] + own[t, e, lane] * c0
     for mode in range(n_modes):
         n = mode & ROWS
-        a = ti.Vector([form[e, n, 0] for e in ti.static(range(n_forms))])
-        b = ti.Vector([form[e, n, 1] for e in ti.static(range(n_forms))])
-        g = ti.Vector([mean[e, n] for e in ti.static(range(n_forms))])
-        for lane in range(s.shape[3]):
-            ca = 0.0
-            cb = 0.0
-            cg = 0.0
-            for e in ti.static(range(n_forms)):
-                ca = ca + own[t, e, lane] * a[e]
-                cb = cb + own[t, e, lane] * b[e]
-                cg = cg + own[t, e, lane] * g[e]
-            x = s[t, n, 0, lane]
-            y = s[t, n, 1, lane]
-            re[lane] = ca * x - cb * y
-            im[lane] = ca * y + cb * x
-            load[lane] = load[lane] + cg * (x * x + y * y)
-        for p in range(sum_start[n], sum_start[n + 1]):
-            own_product(t, n_modes + p, p, sums, form, own, n_forms, False, s, re, im)
-        for p in range(diff_start[n], diff_start[n + 1]):
-            own_product(t, n_modes + n_sums + p, p, diffs, form, own, n_forms, True, s, re, im)
+        own_mode(
+            t, n, n_modes, n_forms, form, mean, sums, sum_start, diffs, diff_start, s, own, load,
+            re, im,
+        )  # fmt: skip
         keep_half(t, first - 1 + n, varying, re, im)
 
 
@@ -254,13 +238,7 @@ def spread(
         add_pair(t, apart, ahead, j, False, h, half, re, im)
     same = (n - 1) & ROWS
     twice = (base + 2 * n) & ROWS
-    for lane in range(h.shape[3]):
-        a = h[t, twice, 0, lane]
-        b = h[t, twice, 1, lane]
-        x = half[t, same, 0, lane]
-        y = half[t, same, 1, lane]
-        re[lane] = re[lane] + (a * x + b * y)
-        im[lane] = im[lane] + (b * x - a * y)
+    add_single(t, twice, same, False, h, half, re, im)
     for number in range(n + 1, n_waves - n + 1):
         j = (number - 1) & ROWS
         apart = (base + number - n) & ROWS
@@ -269,13 +247,7 @@ def spread(
     for number in range(ti.max(n_waves - n, n) + 1, n_waves + 1):
         j = (number - 1) & ROWS
         apart = (base + number - n) & ROWS
-        for lane in range(h.shape[3]):
-            a = h[t, apart, 0, lane]
-            b = h[t, apart, 1, lane]
-            x = half[t, j, 0, lane]
-            y = half[t, j, 1, lane]
-            re[lane] = re[lane] + (a * x + b * y)
-            im[lane] = im[lane] + (a * y - b * x)
+        add_single(t, apart, j, True, h, half, re, im)
 
 
 @ti.func
@@ -315,3 +287,18 @@ def add_pair(
         else:
             re[lane] = re[lane] + (a * x + d * y)
             im[lane] = im[lane] + (b * x + c * y)
+
+
+@ti.func
+def add_single(
+    t: int, row: int, j: int, beyond: ti.template(), h: ti.template(), half: ti.template(),
+    re: ti.template(), im: ti.template(),
+):  # fmt: skip
+    """Product of a field's wave with wave j, conjugate; ``beyond``: with the field's wave conjugate."""
+    for lane in range(h.shape[3]):
+        a = h[t, row, 0, lane]
+        b = h[t, row, 1, lane]
+        x = half[t, j, 0, lane]
+        y = half[t, j, 1, lane]
+        re[lane] = re[lane] + (a * x + b * y)
+        im[lane] = im[lane] + ((a * y - b * x) if ti.static(beyond) else (b * x - a * y))
