@@ -178,7 +178,7 @@ class CrossedSample:
         drawn = self.resampling
         known = ~np.isnan(self.values)
         filled = np.where(known, self.values, 0.0)
-        total = np.einsum("br,br->b", drawn.by_set @ filled, drawn.by_track)
+        total = _summed(filled, drawn)
         count = _counted(known, drawn)
         with np.errstate(invalid="ignore", divide="ignore"):
             means = drawn.factors * total / count
@@ -249,7 +249,7 @@ def _quantiles(
     for first in range(0, n_rows, step):
         part = slice(first, min(first + step, n_rows))
         weights = drawn.by_set[part].take(of_set, axis=1)
-        weights *= drawn.by_track[part].take(of_track, axis=1)
+        weights *= drawn.by_track[part].take(drawn.blocks[of_track], axis=1)
         reached[:, part] = drawn.factors[part] * first_to_reach(flat[order], weights, levels)
     return reached
 
@@ -264,7 +264,9 @@ def _corrected(
     if not np.isfinite(mean) or len(others) < 2 or np.ptp(others) <= 1e-12 * abs(mean):
         return drawn.alpha, 1.0 - drawn.alpha
     off = np.where(np.isnan(values), 0.0, values - mean)
-    influence = np.concatenate([drawn.by_set[0] * (off @ drawn.by_track[0]), drawn.by_set[0] @ off])
+    of_blocks = drawn.by_block(off)
+    of_sets = drawn.by_set[0] * (of_blocks @ drawn.by_track[0])
+    influence = np.concatenate([of_sets, drawn.by_set[0] @ of_blocks])
     cubes, squares = np.sum(influence**3), np.sum(influence**2)
     skew = float(cubes / (6.0 * squares**1.5)) if squares > 0.0 else 0.0
     below = np.mean(others < mean) + 0.5 * np.mean(others == mean)
@@ -309,14 +311,21 @@ def _limits(
 
 def _counted(chosen: np.ndarray, drawn: Resampling) -> np.ndarray:
     """Weight [B] of the rows ``chosen`` [E, R]."""
-    return np.einsum("br,br->b", drawn.by_set @ chosen.astype(float), drawn.by_track)
+    return _summed(chosen.astype(float), drawn)
+
+
+def _summed(values: np.ndarray, drawn: Resampling) -> np.ndarray:
+    """Weighted sum [B] of values [E, R]."""
+    return np.einsum("br,br->b", drawn.by_set @ drawn.by_block(values), drawn.by_track)
 
 
 def _weight_below(values: np.ndarray, bounds: np.ndarray, drawn: Resampling) -> np.ndarray:
     """Weight [B] of the rows [E, R] up to the bound [B] of each resample."""
     known = np.isfinite(values)
     parts = zip(drawn.by_set, bounds, drawn.by_track, strict=True)
-    return np.array([sets @ (known & (values <= x)) @ tracks for sets, x, tracks in parts])
+    return np.array(
+        [sets @ (known & (values <= x)) @ tracks[drawn.blocks] for sets, x, tracks in parts]
+    )
 
 
 def _number(value: float | None) -> float | None:

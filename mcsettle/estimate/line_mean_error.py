@@ -41,14 +41,16 @@ class Moments:
         return Moments(factor * self.mean, factor * self.sd, self.skew, factor**4 * self.fourth)
 
 
-def moments(values: np.ndarray, by_track: np.ndarray) -> Moments:
-    """Moments of every set's sections [E, R] (NaN left out) where tracks count ``by_track`` [B, R]."""
+def moments(values: np.ndarray, drawn: Resampling) -> Moments:
+    """Moments of every set's sections [E, R] (NaN left out) in each resample of the tracks."""
     known = ~np.isnan(values)
     centre = np.nanmean(values, axis=1)
     off = np.where(known, values - centre[:, None], 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        count = by_track @ known.T.astype(float)
-        first, second, third, fourth = (by_track @ (off**k).T / count for k in (1, 2, 3, 4))
+        count = drawn.by_track @ drawn.by_block(known.astype(float)).T
+        first, second, third, fourth = (
+            drawn.by_track @ drawn.by_block(off**k).T / count for k in (1, 2, 3, 4)
+        )
         variance = np.maximum(second - first**2, 0.0)
         sd = np.sqrt(variance)
         cube = third - 3.0 * first * second + 2.0 * first**3
@@ -73,7 +75,7 @@ def section_moments(values: np.ndarray, drawn: Resampling) -> Moments | None:
     """
     if values.shape[1] < 2:
         return None
-    return moments(values, drawn.by_track).times(drawn.factors[:, None])
+    return moments(values, drawn).times(drawn.factors[:, None])
 
 
 def line_intervals(
@@ -118,7 +120,7 @@ def _tracks(
     if of_sections is None:
         return [(np.inf, np.inf) for _ in levels]
     if of_sections.mean.shape[1] == 1:
-        n_tracks = drawn.by_track.shape[1]
+        n_tracks = len(drawn.blocks)
         return [_one_set(of_sections, count, level, n_tracks) for level in levels]
     reaches = []
     for own in _mixed(of_sections, count, levels, drawn.sets_kept):

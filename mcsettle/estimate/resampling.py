@@ -25,6 +25,7 @@ from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import CONFIDENCE
 
 RESAMPLES = 500
+LARGEST = 20_000  # tracks that are resampled one by one; of more, so many blocks of them
 T = TypeVar("T")
 
 
@@ -97,6 +98,8 @@ def effective(weights: np.ndarray) -> float:
 class Resampling:
     """Weights of resampled sets [B, E] and tracks [B, R]; the first row is the sample itself.
 
+    Of more than ``LARGEST`` tracks under one set, blocks of neighbours are resampled, [B, G]: tracks are
+    independent, so blocks are too. Elsewhere every track is a block.
     ``sets_kept`` [B, E] are the weights of the same sets on the resampled tracks, ``factors`` [B] those
     by which an estimate would differ with the sets' settlement factors fitted to them.
 
@@ -108,7 +111,10 @@ class Resampling:
     """
 
     def __init__(self, shape: tuple[int, ...], seed: int = 0, set_weights: Weights = None) -> None:
-        self.by_set, self.by_track = _counts(shape, seed)
+        n_sets, n_tracks = shape
+        n_blocks = min(n_tracks, LARGEST) if n_sets == 1 else n_tracks
+        self.by_set, self.by_track = _counts((n_sets, n_blocks), seed)
+        self.blocks = np.arange(n_tracks) * n_blocks // n_tracks if n_tracks else np.zeros(0, int)
         self.sizes = [float(n) for n in shape]
         self.sets_kept = np.ones_like(self.by_set)
         self.factors = np.ones(len(self.by_set))
@@ -121,6 +127,14 @@ class Resampling:
             self.by_set = self.by_set * self.sets_kept
             self.factors = own.factors(self.by_set, self.by_track)
         self.alpha = tail(self.sizes)
+
+    def by_block(self, values: np.ndarray) -> np.ndarray:
+        """Sums [E, G] of values [E, R] over the tracks of each block."""
+        n_blocks = self.by_track.shape[1]
+        if values.shape[1] == n_blocks:
+            return values
+        starts = np.searchsorted(self.blocks, np.arange(n_blocks))
+        return np.asarray(np.add.reduceat(values, starts, axis=1))
 
     def of_sets(self, chosen: np.ndarray) -> "Resampling":
         """The same resamples of the sets ``chosen`` [E] alone."""

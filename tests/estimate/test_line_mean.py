@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from mcsettle.estimate import resampling
 from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.likelihood import Likelihood, Median, log_of
@@ -27,7 +28,7 @@ def lines_of(values, *args):
 
 def test_the_curve_without_lines_is_that_of_many_lines():
     values = days(1, 80)
-    found = moments(values, np.ones((1, 80)))
+    found = moments(values, Resampling(values.shape))
     for count in (5, 50):
         lines = np.random.default_rng(2).choice(values[0], (40_000, count)).mean(axis=1)
         for level in LEVELS:
@@ -38,9 +39,10 @@ def test_the_curve_without_lines_is_that_of_many_lines():
 
 
 def test_moments_of_resampled_tracks_are_those_of_the_tracks_resampled():
-    values, counts = days(3, 6), np.array([[0, 3, 1, 0, 2, 0]])
+    values = days(3, 6)
     values[1, 2] = np.nan
-    found = moments(values, counts.astype(float))
+    resamples = Resampling(values.shape)
+    counts, found = resamples.by_track.astype(int), moments(values, resamples)
     for e, row in enumerate(values):
         drawn = np.repeat(row, counts[0])
         drawn = drawn[~np.isnan(drawn)]
@@ -48,6 +50,25 @@ def test_moments_of_resampled_tracks_are_those_of_the_tracks_resampled():
         assert found.sd[0, e] == pytest.approx(drawn.std())
         assert found.skew[0, e] == pytest.approx(stats.skew(drawn))
         assert found.fourth[0, e] == pytest.approx(stats.moment(drawn, 4))
+
+
+def test_very_many_tracks_are_resampled_in_blocks(monkeypatch):
+    """The same numbers, and intervals as wide to the noise of 500 resamples."""
+    values = days(1, 600)
+    values[0, 7] = np.nan
+    one_by_one = lines_of(values, 200.0)
+    monkeypatch.setattr(resampling, "LARGEST", 200)
+    assert Resampling(values.shape).by_track.shape[1] == 200
+    for fine, coarse in zip(one_by_one, lines_of(values, 200.0), strict=True):
+        for a, b in zip(
+            (*fine.quantiles, fine.mean), (*coarse.quantiles, coarse.mean), strict=True
+        ):
+            assert a.value == b.value
+            assert b.upper - b.lower == pytest.approx(a.upper - a.lower, rel=0.15)
+    drawn, of_three = Resampling((1, 600)), np.arange(600.0)[None]
+    blocks = of_three.reshape(1, 200, 3).sum(axis=2)
+    np.testing.assert_array_equal(drawn.by_block(of_three), blocks)
+    assert Resampling((2, 600)).by_track.shape[1] == 600  # sets that share tracks
 
 
 def test_intervals_hold_their_value_and_narrow_with_the_sample():
