@@ -4,11 +4,10 @@ It works on a folder alone: no realisation of a shard is computed, and the few o
 follow from the study.
 """
 
-from itertools import groupby
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from mcsettle import economics
 from mcsettle.errors import InputError
@@ -16,7 +15,7 @@ from mcsettle.estimate.conditioning import Conditioning, conditioned
 from mcsettle.run import columns as rows
 from mcsettle.run.columns import summary_columns
 from mcsettle.run.factor_fit import Fit, read_fits, with_fits
-from mcsettle.run.shards import Shard, all_shards, index_ranges
+from mcsettle.run.shards import Shard, all_shards
 from mcsettle.run.sign_split import write_sign_split
 from mcsettle.run.status import (
     Fault,
@@ -39,7 +38,7 @@ from mcsettle.study.effects import StudyEffect
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study
 from mcsettle.summary.courses import courses
-from mcsettle.summary.results import INTERVAL, read_results, study_of
+from mcsettle.summary.results import CENSORED, INTERVAL, read_results, study_of
 from mcsettle.summary.sign_split import sign_rows
 from mcsettle.summary.summary import summary_rows
 
@@ -159,49 +158,42 @@ def _write_weights(
 def _write_effects(
     at: Place, study: Study, members: list[ParameterSet], provenance: Provenance
 ) -> None:
-    """Pair every scenario with its baselines, realisation by realisation."""
+    """Pair every scenario with its baselines, shard by shard: no more is held."""
     if not study.effects:
         return
-    frame = store.read(at, "realisations").to_pandas()
-    own = ["variant", "parameter_set", "scenario"]
-    parts = {key: g.sort_values("realisation") for key, g in frame.groupby(own)}
-    ranges = index_ranges(study.run.realisations, provenance.shard_realisations)
-    for variant in study.variant_names:
-        for member in members:
-            for scenario, found in groupby(member.study.effects.values(), key=_scenario_of):
-                paired = [(effect, _paired(member, variant, effect, parts)) for effect in found]
-                for part in ranges:
-                    ends = part.start, part.stop - 1
-                    shard = Shard(member.index, variant, scenario, *ends, study.nested)
-                    columns = rows.joined(
-                        [rows.effect_columns(member, variant, part, *pair) for pair in paired]
-                    )
-                    store.write(
-                        at, "effects", shard.name, columns, provenance, *ends, study.currency
-                    )
-
-
-def _scenario_of(effect: StudyEffect) -> str:
-    return effect.scenario
+    for shard in all_shards(study, provenance.shard_realisations):
+        member = members[shard.member]
+        paired = [
+            _paired(at, shard, member, effect, provenance)
+            for effect in member.study.effects.values()
+            if effect.scenario == shard.scenario
+        ]
+        if paired:
+            columns, ends = rows.joined(paired), (shard.first, shard.last)
+            store.write(at, "effects", shard.name, columns, provenance, *ends, study.currency)
 
 
 def _paired(
-    member: ParameterSet, variant: str, effect: StudyEffect, parts: dict[Any, pd.DataFrame]
-) -> economics.Effects:
-    """One effect in one variant and parameter set."""
+    at: Place, shard: Shard, member: ParameterSet, effect: StudyEffect, provenance: Provenance
+) -> dict[str, Any]:
+    """Columns of one effect: the rows of a shard beside those of the baseline."""
     prices = member.study.economics
     assert prices is not None
-    base = parts[variant, member.index, effect.baseline]
-    other = parts[variant, member.index, effect.scenario]
-    return economics.paired_effects(
-        base[INTERVAL].to_numpy(float),
-        other[INTERVAL].to_numpy(float),
-        base["censored_at_days"].to_numpy(float),
-        other["censored_at_days"].to_numpy(float),
+    pair = replace(shard, scenario=effect.baseline), shard
+    tables = (
+        store.read_shard(at, "realisations", one.name, provenance).sort_by("realisation")
+        for one in pair
+    )
+    base, other = (
+        tuple(found[name].to_numpy() for name in (INTERVAL, CENSORED)) for found in tables
+    )
+    effects = economics.paired_effects(
+        *(base[0], other[0], base[1], other[1]),
         effect.change,
         prices.tamping_cost_per_track_km,
         prices.discount_rate,
     )
+    return rows.effect_columns(member, shard.variant, shard.indices, effect, effects)
 
 
 def _write_summary(at: Place, study: Study, provenance: Provenance) -> None:

@@ -81,17 +81,17 @@ def effect_columns(
     effects: economics.Effects,
 ) -> dict[str, Any]:
     """Columns of the ``effects`` table for the realisations ``indices`` of ``effects``."""
-    part, n = slice(indices.start, indices.stop), len(indices)
+    n = len(indices)
     return {
         "variant": [variant] * n,
         "scenario": [effect.scenario] * n,
         "baseline": [effect.baseline] * n,
         "parameter_set": np.full(n, member.index, np.int32),
         "realisation": np.arange(indices.start, indices.stop),
-        "status": effects.status[part].tolist(),
-        "reduction_percent": nullable(effects.reduction_percent[part]),
-        "elasticity": nullable(effects.elasticity[part]),
-        "marginal_cost": nullable(effects.marginal_cost[part]),
+        "status": effects.status.tolist(),
+        "reduction_percent": nullable(effects.reduction_percent),
+        "elasticity": nullable(effects.elasticity),
+        "marginal_cost": nullable(effects.marginal_cost),
         "effect": [effect.change.effect] * n,
     }
 

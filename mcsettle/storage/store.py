@@ -184,6 +184,18 @@ def read(folder: Where, table: str) -> pa.Table:
     return data
 
 
+def read_shard(folder: Where, table: str, name: str, provenance: Provenance) -> pa.Table:
+    """One shard of a table of a run that is not closed yet, checked.
+
+    Raises
+    ------
+    InputError
+        It is missing, damaged, foreign or of another provenance.
+    """
+    at = place(folder)
+    return _shard(sound(at, f"{table}/{name}", None), f"{at}/{table}/{name}", table, provenance)
+
+
 def read_file(folder: Where, name: str, largest: int = LARGEST_TEXT) -> bytes:
     """A file of a finished folder, compared with the manifest where there is one.
 
@@ -241,7 +253,7 @@ def _n_distinct(data: pa.Table, keys: Sequence[str]) -> int:
     """How many rows differ in ``keys``; grouping them would take ten times the memory."""
     code = np.zeros(data.num_rows, np.int64)
     for key in keys:
-        column = data.column(key).combine_chunks().dictionary_encode()
+        column = data.column(key).combine_chunks().dictionary_encode("encode")
         code = code * len(column.dictionary) + column.indices.to_numpy()
     return len(np.unique(code))
 
