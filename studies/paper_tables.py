@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from mcsettle.estimate.rounding import NOT_REACHED, decimals, number, with_error
+from mcsettle.estimate.rounding import NOT_REACHED, decimals, is_error, number, with_error
 from mcsettle.report.words import percentile
 from mcsettle.summary.answers import answers
 from mcsettle.summary.results import Results, read_results
@@ -96,7 +96,7 @@ def _variants(table: Table, variants: Sequence[str]) -> Iterator[str]:
 
 def _line(row: dict[str, str]) -> str:
     low, middle, error, high = (_value(row[key]) for key in ("p5", "p50", "error", "p95"))
-    places = decimals(error) if error else None
+    places = decimals(error) if middle and error and is_error(middle, error) else None
     ends = [number(end, places) for end in (low, high)]
     cells = (
         *(row["scenario"], METRICS[row["metric"]], ends[0], with_error(middle, error), ends[1]),

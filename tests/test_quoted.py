@@ -33,3 +33,10 @@ def test_a_sentence_that_is_gone_is_found() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     with pytest.raises(ValueError, match="0 places say"):
         paper_tables.renewed("README.md", text.replace("shorten the interval by medians", "do"))
+
+
+def test_rounding_noise_is_no_error() -> None:
+    """The ends of an identity have three digits, not the nineteen of its error."""
+    row = paper_tables.read_table("traffic")["calibrated", "B", "elasticity"]
+    assert 0.0 < float(row["error"]) < 1e-15
+    assert paper_tables._line(row).split(" | ")[2:5] == ["−0.986"] * 3
