@@ -136,8 +136,7 @@ class CrossedSample:
         None where it is beyond the horizon.
         """
         if len(self.values) == 1:
-            row = self.values[0], self._ends[0]
-            return [plain.interval_quantile(*row, level) for level in levels]
+            return plain.interval_quantiles(self.values[0], self._ends[0], levels)
         drawn, values = self.resampling, self.highest
         n, n_censored = int(np.sum(self.valid)), int(np.sum(self.censored))
         estimates = []

@@ -1,7 +1,7 @@
 """Estimates from one sample: quantiles, means and effects of censored days, each with its interval."""
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -50,7 +50,17 @@ def quantile(
 def interval_quantile(
     days: np.ndarray, censored_at: np.ndarray, level: float, confidence: float = CONFIDENCE
 ) -> Estimate:
-    """Quantile of tamping intervals, some of them censored, in days.
+    """One of ``interval_quantiles``."""
+    return interval_quantiles(days, censored_at, (level,), confidence)[0]
+
+
+def interval_quantiles(
+    days: np.ndarray,
+    censored_at: np.ndarray,
+    levels: Sequence[float] = LEVELS,
+    confidence: float = CONFIDENCE,
+) -> list[Estimate]:
+    """Quantiles of tamping intervals, some of them censored, in days.
 
     Parameters
     ----------
@@ -58,24 +68,25 @@ def interval_quantile(
         NaN where the limit was not reached.
     censored_at : ndarray, shape [R], days
         Horizon where the limit was not reached, else NaN; NaN in both marks a failure, left out.
-    level : float, 0 to 1
+    levels : sequence of float, 0 to 1
     confidence : float
 
     Returns
     -------
-    Estimate
-        With censored rows: the day by which the Kaplan–Meier curve reaches ``level``, with the
+    list of Estimate
+        With censored rows: the day by which the Kaplan–Meier curve reaches each level, with the
         interval from inverting its log-log confidence band; None when it does not reach it.
 
     Raises
     ------
     InputError
-        If nothing is left, or the level is not between 0 and 1.
+        If nothing is left, or a level is not between 0 and 1.
     """
     events, horizons = _split(days, censored_at)
     if len(horizons) == 0:
-        return quantile(events, level, "d", confidence)
-    _checked(np.append(events, horizons), level)
+        return [quantile(events, level, "d", confidence) for level in levels]
+    for level in levels:
+        _checked(np.append(events, horizons), level)
     from scipy import stats  # takes longer to import than all the rest
 
     curve = stats.ecdf(stats.CensoredData(uncensored=events, right=horizons))
@@ -84,16 +95,18 @@ def interval_quantile(
         # Where the curve is 0 or 1 the band is undefined, and gives no limit.
         warnings.filterwarnings("ignore", message="The confidence interval is undefined")
         band: Any = curve.sf.confidence_interval(confidence, method="log-log")
-    value = _first_day(times, reached, level)
-    lower = _first_day(times, 1.0 - band.low.probabilities, level)
-    upper = _first_day(times, 1.0 - band.high.probabilities, level)
-    note = "" if value is not None else f"not reached by day {np.max(horizons):g}"
-    n = len(events) + len(horizons)
-    error = _quantile_error(times, reached, level, n)
-    if value is not None and error is None:
-        error = implied_error((lower, upper), value, confidence)
-    error = None if value is None else error
-    return Estimate(value, lower, upper, error, n, len(horizons), "d", note)
+    n, found = len(events) + len(horizons), []
+    for level in levels:
+        value = _first_day(times, reached, level)
+        lower = _first_day(times, 1.0 - band.low.probabilities, level)
+        upper = _first_day(times, 1.0 - band.high.probabilities, level)
+        note = "" if value is not None else f"not reached by day {np.max(horizons):g}"
+        error = _quantile_error(times, reached, level, n)
+        if value is not None and error is None:
+            error = implied_error((lower, upper), value, confidence)
+        error = None if value is None else error
+        found.append(Estimate(value, lower, upper, error, n, len(horizons), "d", note))
+    return found
 
 
 def restricted_mean(
@@ -239,7 +252,8 @@ def summarise_intervals(
     days: np.ndarray, censored_at: np.ndarray, levels: tuple[float, ...] = LEVELS
 ) -> list[Statistic]:
     """Quantiles and restricted mean of tamping intervals [days] (``interval_quantile``)."""
-    rows = [Statistic("quantile", p, interval_quantile(days, censored_at, p)) for p in levels]
+    found = interval_quantiles(days, censored_at, levels)
+    rows = [Statistic("quantile", p, e) for p, e in zip(levels, found, strict=True)]
     return [*rows, Statistic("restricted_mean", None, restricted_mean(days, censored_at))]
 
 

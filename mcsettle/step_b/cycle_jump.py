@@ -6,16 +6,17 @@ functions. It is integrated in s = log(1 + day/scale), in which it is nearly con
 functions enter exactly; only the feedback of the profile is approximated, within the tolerance.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b.case import ALIKE, Case, Outcome, Support
-from mcsettle.step_b.cycles import daily_weights
+from mcsettle.step_b.cycles import Clock, clock_of, daily_weights
 from mcsettle.step_b.few_weights import few_weights
 from mcsettle.step_b.pointwise import load_parts, pointwise_growth, pointwise_load
-from mcsettle.step_b.runge_kutta import integrate
+from mcsettle.step_b.runge_kutta import Path, integrate
 from mcsettle.step_b.sd_map import Roughness, roughness
 from mcsettle.step_b.spectral import SettlementForm, stacked, train_form
 from mcsettle.step_b.susceptibility import VaryingForm, fast_varying_growth
@@ -77,70 +78,111 @@ class CycleJump:
         -------
         Outcome
         """
-        days = np.asarray(sample_days, dtype=float)
-        return _integrated(
-            self.case,
-            amplitudes,
-            days,
-            self.growth,
-            self.measure,
-            self.tolerance,
-            factor,
-            ground_days,
-            support,
+        case, n = self.case, len(amplitudes)
+        factors = np.ones(n) if factor is None else np.asarray(factor, dtype=float)
+        if support.factor is not None:
+            factors = factors * support.factor
+        ground = np.zeros(n) if ground_days is None else ground_days
+        samples = np.log1p(np.asarray(sample_days, dtype=float) / day_scale(case))
+        path, day = self._integrated([case], amplitudes, samples, factors, ground, support)
+        ordered = len(case.timetable.services) > 1 and not case.is_split
+        if ordered and path.reached.any():
+            at = np.flatnonzero(path.reached)
+            day[at] = _in_timetable_order(
+                case,
+                self.growth,
+                path.state[at, :-1],
+                day[at],
+                self.measure,
+                ground[at],
+                support[at],
+            )
+        return self._outcome(case, amplitudes, path, day)
+
+    def run_flagged(
+        self, cases: Sequence[Case], amplitudes: np.ndarray, support: Support = ALIKE
+    ) -> list[Outcome]:
+        """Run every realisation in each of ``cases``, which differ from this one in their flags alone.
+
+        All are advanced together; each has the outcome, to the bit, that it has by itself.
+        """
+        n, k = len(amplitudes), len(cases)
+        rows = np.tile(np.arange(n), k)
+        factors = np.ones(n) if support.factor is None else support.factor
+        path, day = self._integrated(
+            cases, amplitudes[rows], np.zeros(0), factors[rows], np.zeros(n * k), support[rows]
+        )
+        parts = [slice(i * n, (i + 1) * n) for i in range(k)]
+        return [
+            self._outcome(case, amplitudes, path[part], day[part])
+            for case, part in zip(cases, parts, strict=True)
+        ]
+
+    def _integrated(
+        self,
+        cases: Sequence[Case],
+        amplitudes: np.ndarray,
+        samples: np.ndarray,
+        factors: np.ndarray,
+        ground_days: np.ndarray,
+        support: Support,
+    ) -> tuple[Path, np.ndarray]:
+        """Where realisations stop, and on which day [R]; those of one case after those of another."""
+        clocks = [clock_of(case) for case in cases]
+        of_case = np.repeat(np.arange(len(cases)), len(amplitudes) // len(cases))
+        scales = [day_scale(case) for case in cases]
+        scale = np.array(scales)[of_case]
+
+        def rate(time: np.ndarray, state: np.ndarray, rows: np.ndarray) -> np.ndarray:
+            day = scale[rows] * np.expm1(time)
+            daily = _weights(clocks, of_case[rows], day, ground_days[rows])
+            weights = daily * (factors[rows] * (day + scale[rows]))[:, None]
+            here = support if len(rows) == len(of_case) else support[rows]  # no copy of all fields
+            change, uniform = self.growth(state[:, :-1], weights, here.fields)
+            return np.concatenate([change, uniform[:, None]], axis=1)
+
+        state = np.concatenate([amplitudes, np.zeros((len(amplitudes), 1))], axis=1)
+        end = np.array([np.log1p(self.case.horizon / one) for one in scales])[of_case]
+        path = integrate(
+            *(rate, state.astype(complex), end, self.case.sd_limit, self.measure, samples),
+            tolerance=self.tolerance,
+        )
+        return path, scale * np.expm1(path.time)
+
+    def _outcome(self, case: Case, amplitudes: np.ndarray, path: Path, day: np.ndarray) -> Outcome:
+        return Outcome(
+            reached=path.reached,
+            failed=path.failed,
+            days=np.where(path.reached, day, np.nan),
+            passages=np.rint(day * sum(case.daily_passages)).astype(np.int64),
+            sd_initial=self.measure.sd(amplitudes),
+            sd_final=self.measure.sd(path.state[:, :-1]),
+            mean_settlement=path.state[:, -1].real,
+            amplitudes=path.state[:, :-1],
+            history=path.sd,
+            steps=path.steps,
         )
 
 
-def _integrated(
-    case: Case,
-    amplitudes: np.ndarray,
-    sample_days: np.ndarray,
-    growth: Growth,
-    measure: Roughness,
-    tolerance: float,
-    factor: np.ndarray | None,
-    ground_days: np.ndarray | None,
-    support: Support,
-) -> Outcome:
+def day_scale(case: Case) -> float:
+    """Days in which as many cycles are added as there were before: the integration's unit of time."""
     model = case.model
     before = min(model.cycles_before(law) for law in model.group_laws)
-    passages_per_day = sum(case.daily_passages)
-    scale = before / (model.cycles_per_passage * passages_per_day)
-    factors = np.ones(len(amplitudes)) if factor is None else np.asarray(factor, dtype=float)
-    if support.factor is not None:
-        factors = factors * support.factor
+    return before / (model.cycles_per_passage * sum(case.daily_passages))
 
-    before_tamping = np.zeros(len(amplitudes)) if ground_days is None else ground_days
 
-    def rate(time: np.ndarray, state: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        day = scale * np.expm1(time)
-        daily = daily_weights(case, day, before_tamping[rows])
-        weights = daily * (factors[rows] * (day + scale))[:, None]
-        change, uniform = growth(state[:, :-1], weights, support[rows].fields)
-        return np.concatenate([change, uniform[:, None]], axis=1)
-
-    state = np.concatenate([amplitudes, np.zeros((len(amplitudes), 1))], axis=1).astype(complex)
-    end = float(np.log1p(case.horizon / scale))
-    samples = np.log1p(sample_days / scale)
-    path = integrate(rate, state, end, case.sd_limit, measure, samples, tolerance)
-    day = scale * np.expm1(path.time)
-    ordered = len(case.timetable.services) > 1 and not case.is_split
-    if ordered and path.reached.any():
-        at = np.flatnonzero(path.reached)
-        day[at] = _in_timetable_order(
-            case, growth, path.state[at, :-1], day[at], measure, before_tamping[at], support[at]
-        )
-    return Outcome(
-        reached=path.reached,
-        failed=path.failed,
-        days=np.where(path.reached, day, np.nan),
-        passages=np.rint(day * passages_per_day).astype(np.int64),
-        sd_initial=measure.sd(amplitudes),
-        sd_final=measure.sd(path.state[:, :-1]),
-        mean_settlement=path.state[:, -1].real,
-        amplitudes=path.state[:, :-1],
-        history=path.sd,
-        steps=path.steps,
+def _weights(
+    clocks: Sequence[Clock], of_case: np.ndarray, day: np.ndarray, ground_days: np.ndarray
+) -> np.ndarray:
+    """Weights [A, E] of realisations, each by the clock of its case."""
+    if len(clocks) == 1:
+        return clocks[0].daily_weights(day, ground_days)
+    ends = np.searchsorted(of_case, np.arange(len(clocks) + 1))
+    return np.concatenate(
+        [
+            clock.daily_weights(day[a:b], ground_days[a:b])
+            for clock, (a, b) in zip(clocks, pairwise(ends), strict=True)
+        ]
     )
 
 

@@ -4,9 +4,76 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcsettle.railway.track import BallastLaw
+from mcsettle.railway.settlement_model import SettlementModel
+from mcsettle.railway.track import BallastLaw, Law
 from mcsettle.step_b.case import Case
 from mcsettle.step_b.settlement import cycle_increment, cycle_rate, long_run_rate
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Cycles N of the groups of every service of a case, E of both, by the day.
+
+    ``before`` [E] cycles at day 0; ``counted`` [E] axles a day that advance them; ``offset`` [E] axles to
+    add, for the order of the day; ``renewed`` [E] whether a tamping renews the count (the ballast's);
+    ``trains`` [E] a day that settle the track; ``laws``: each with the groups [E] that it governs.
+    """
+
+    model: SettlementModel
+    before: np.ndarray
+    counted: np.ndarray
+    offset: np.ndarray
+    renewed: np.ndarray
+    trains: np.ndarray
+    laws: tuple[tuple[Law, np.ndarray], ...]
+
+    def cycles(self, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
+        """Cycles N [E, …] at fractional ``day``, day-averaged (``cycles_at``)."""
+        day = np.asarray(day, dtype=float)
+        column = (slice(None), *(None,) * day.ndim)
+        since = np.where(self.renewed[column], day, day + ground_days)
+        gone = self.counted[column] * since + self.offset[column]
+        before = self.before[column]
+        return np.maximum(before + self.model.cycles_per_passage * gone, before)
+
+    def daily_weights(self, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
+        """Growth of the cycle functions per day [R, E] at ``day`` [R] (the function of this name)."""
+        model, cycles = self.model, self.cycles(day, ground_days)
+        rates = np.empty_like(cycles)
+        for law, own in self.laws:
+            found = cycle_rate(law, cycles[own], long_run_rate(law, model))
+            rates[own] = found * self.trains[own, None]
+        return np.ascontiguousarray(rates.T) * (model.settlement_factor * model.cycles_per_passage)
+
+
+def clock_of(case: Case) -> Clock:
+    """The clock of a case.
+
+    A service meets the N of the middle of its block in the day: its offset from the middle of the day's
+    count keeps the order of the timetable to second order in a day's share of N. Where services only
+    count or only settle, all meet the middle of the day.
+    """
+    model, services = case.model, case.timetable.services
+    daily, laws = daily_counts(case), model.group_laws
+    trains = [s.per_day for s in services]
+    if case.settling is not None:
+        trains = [n if settles else 0 for n, settles in zip(trains, case.settling, strict=True)]
+    total, offset = np.empty(daily.shape), np.zeros(daily.shape)
+    for s in range(len(daily)):
+        counted = np.where(counted_with(case, s)[:, None], daily, 0.0)
+        total[s] = counted.sum(axis=0)
+        if not case.is_split:
+            offset[s] = counted[:s].sum(axis=0) + 0.5 * daily[s] - 0.5 * total[s]
+    n, every = len(services), laws * len(services)
+    return Clock(
+        model=model,
+        before=np.tile([float(model.cycles_before(law)) for law in laws], n),
+        counted=total.ravel(),
+        offset=offset.ravel(),
+        renewed=np.tile([isinstance(law, BallastLaw) for law in laws], n),
+        trains=np.repeat(trains, len(laws)),
+        laws=tuple((law, np.array([e == law for e in every])) for law in dict.fromkeys(laws)),
+    )
 
 
 def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
@@ -14,26 +81,8 @@ def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0
 
     ``ground_days``: days of this traffic that all but the ballast have had before day 0, since a
     tamping renews the ballast's count alone.
-
-    A service meets the N of the middle of its block in the day: its offset from the middle of the day's
-    count keeps the order of the timetable to second order in a day's share of N. Where services only
-    count or only settle, all meet the middle of the day.
     """
-    model, day = case.model, np.asarray(day, dtype=float)
-    daily = daily_counts(case)
-    rows = []
-    for s in range(len(daily)):
-        for g, law in enumerate(model.group_laws):
-            axles = daily[:, g]
-            counted = np.where(counted_with(case, s), axles, 0.0)
-            offset = counted[:s].sum() + 0.5 * axles[s] - 0.5 * counted.sum()
-            if case.is_split:
-                offset = 0.0
-            before = model.cycles_before(law)
-            since = day if isinstance(law, BallastLaw) else day + ground_days
-            gone = model.cycles_per_passage * (counted.sum() * since + offset)
-            rows.append(np.maximum(before + gone, before))
-    return np.stack(rows)
+    return clock_of(case).cycles(day, ground_days)
 
 
 def daily_counts(case: Case) -> np.ndarray:
@@ -55,18 +104,7 @@ def daily_weights(case: Case, day: np.ndarray, ground_days: np.ndarray | float =
 
     Includes ``settlement_factor``; multiplies a form summed over the axles of one train.
     """
-    model = case.model
-    laws = model.group_laws * len(case.timetable.services)
-    trains = [s.per_day for s in case.timetable.services]
-    if case.settling is not None:
-        trains = [n if settles else 0 for n, settles in zip(trains, case.settling, strict=True)]
-    daily = np.repeat(trains, len(model.group_laws))
-    cycles = cycles_at(case, day, ground_days)
-    rates = [
-        cycle_rate(law, n, long_run_rate(law, model)) * d
-        for law, n, d in zip(laws, cycles, daily, strict=True)
-    ]
-    return np.stack(rates, axis=1) * (model.settlement_factor * model.cycles_per_passage)
+    return clock_of(case).daily_weights(day, ground_days)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ the stop are decided row by row, so that a realisation does not know which other
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.integrate import RK45
@@ -31,12 +31,16 @@ class Path:
     failed: np.ndarray
     steps: np.ndarray
 
+    def __getitem__(self, rows: slice) -> "Path":
+        """Some of them."""
+        return Path(*(getattr(self, field.name)[rows] for field in fields(self)))
+
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # the error estimate sees to it
 def integrate(
     rate: Rate,
     state: np.ndarray,
-    end: float,
+    end: float | np.ndarray,
     sd_limit: float,
     roughness: Roughness,
     samples: np.ndarray,
@@ -49,7 +53,7 @@ def integrate(
     ----------
     rate : function of s [A], state complex [A, C] and the row numbers [A], giving complex [A, C]
     state : complex [R, C]; the last column is uniform settlement and carries no roughness, m
-    end : last value of s
+    end : last value of s, of all or of each [R]
     sd_limit : standard deviation at which a realisation stops, m
     roughness : Roughness
     samples : [H] increasing values of s at which the SD is recorded
@@ -60,7 +64,8 @@ def integrate(
     Path
     """
     n, u = len(state), state.copy()
-    time, step = np.zeros(n), np.full(n, min(0.05, end))
+    last = np.broadcast_to(end, n)
+    time, step = np.zeros(n), np.minimum(0.05, last)
     sd = np.full((n, len(samples)), np.nan)
     sd[:, samples <= 0.0] = roughness.sd(u[:, :-1])[:, None]
     reached = roughness.sd(u[:, :-1]) >= sd_limit
@@ -70,7 +75,7 @@ def integrate(
     for _ in range(max_steps):
         if not rows.size:
             break
-        h = np.minimum(step[rows], end - time[rows])
+        h = np.minimum(step[rows], last[rows] - time[rows])
         stages, new = _stages(rate, time[rows], u[rows], slope[rows], h, rows)
         error = _error(stages, h, u[rows], tolerance)
         take = error <= 1.0
@@ -89,7 +94,7 @@ def integrate(
             time[accepted] += theta * h[take]
             slope[accepted] = stages[-1, take]
             reached[accepted[hit]] = True
-        done = reached[rows] | failed[rows] | (time[rows] >= end * (1.0 - 1e-14))
+        done = reached[rows] | failed[rows] | (time[rows] >= last[rows] * (1.0 - 1e-14))
         rows = rows[~done]
     failed[rows] = True
     return Path(reached, time, u, sd, failed, steps)
@@ -102,24 +107,27 @@ def _stages(
     stages = np.empty((7, *u.shape), dtype=complex)
     stages[0] = slope
     for i in range(1, 6):
-        y = u + h[:, None] * _combine(RK45.A[i, :i], stages[:i])
+        y = u + _combine(RK45.A[i, :i], stages[:i], h)
         stages[i] = rate(time + RK45.C[i] * h, y, rows)
-    new = u + h[:, None] * _combine(RK45.B, stages[:6])
+    new = u + _combine(RK45.B, stages[:6], h)
     stages[6] = rate(time + h, new, rows)
     return stages, new
 
 
-def _combine(coefficients: np.ndarray, stages: np.ndarray) -> np.ndarray:
-    total = coefficients[0] * stages[0]
-    for c, stage in zip(coefficients[1:], stages[1:], strict=True):
+def _combine(coefficients: np.ndarray, stages: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """Σ c_i stage_i times h, complex [A, C]; by real products, which cost half as much."""
+    parts = stages.view(float)
+    total = coefficients[0] * parts[0]
+    for c, part in zip(coefficients[1:], parts[1:], strict=True):
         if c != 0.0:
-            total += c * stage
-    return total
+            total += c * part
+    total *= h[:, None]
+    return total.view(complex)
 
 
 def _error(stages: np.ndarray, h: np.ndarray, u: np.ndarray, tolerance: float) -> np.ndarray:
     """Local error estimate over tolerance [A], amplitudes only; inf where the step overflowed."""
-    difference = h[:, None] * _combine(RK45.E, stages)[:, :-1]
+    difference = _combine(RK45.E, stages, h)[:, :-1]
     size = np.sqrt(np.sum(np.abs(u[:, :-1]) ** 2, axis=1))
     error = np.sqrt(np.sum(np.abs(difference) ** 2, axis=1)) / (tolerance * size)
     return np.where(np.isnan(error), np.inf, error)
@@ -130,7 +138,7 @@ def _coefficients(u: np.ndarray, stages: np.ndarray, h: np.ndarray) -> np.ndarra
     c = np.empty((5, *u.shape), dtype=complex)
     c[0] = u
     for p in range(4):
-        np.multiply(h[:, None], _combine(RK45.P[:, p], stages), out=c[p + 1])
+        c[p + 1] = _combine(RK45.P[:, p], stages, h)
     return c
 
 

@@ -14,13 +14,14 @@ import numpy as np
 
 from mcsettle.railway.traffic import Service, Timetable
 from mcsettle.step_a.transfer import TransferFunctions
-from mcsettle.step_b.case import ALIKE, Case, Support
-from mcsettle.step_b.cycle_jump import CycleJump, Forms
-from mcsettle.step_b.cycles import daily_weights
+from mcsettle.step_b.case import ALIKE, Case, Outcome, Support
+from mcsettle.step_b.cycle_jump import CycleJump, Forms, day_scale
+from mcsettle.step_b.cycles import clock_of, daily_weights
 
 NODES = 32  # of the mean of the weights over an interval
 
 Run = tuple[Service, TransferFunctions]
+Flags = tuple[tuple[bool, ...], tuple[bool, ...]]  # of the services that settle, and that count
 
 
 @dataclass(frozen=True)
@@ -110,13 +111,13 @@ def sign_split(
     """
     forms = {} if forms is None else forms
     engine = CycleJump(case, forms=forms)
-    before, after, none = traffic.before, traffic.after, np.zeros(0)
+    before, after = traffic.before, traffic.after
     engines = {
         (settling, counted): _flagged(engine, settling, counted, forms)
         for settling in (before, after)
         for counted in (before, after)
     }
-    runs = {key: one.run(amplitudes, none, support=support) for key, one in engines.items()}
+    runs = _runs(engines, amplitudes, support)
     first, both = runs[before, before], runs[after, after]
     known = np.all([run.reached & (run.days > 0.0) for run in runs.values()], axis=0)
     start, end = (np.where(known, run.days, 1.0) for run in (first, both))
@@ -160,15 +161,25 @@ def _flagged(
     return flagged
 
 
+def _runs(
+    engines: dict[Flags, CycleJump], amplitudes: np.ndarray, support: Support
+) -> dict[Flags, Outcome]:
+    """The tracks in every flagged case, together where the cases share their coefficients."""
+    every = list(engines.values())
+    if any(engine.growth is not every[0].growth for engine in every):
+        none = np.zeros(0)
+        return {key: e.run(amplitudes, none, support=support) for key, e in engines.items()}
+    found = every[0].run_flagged([engine.case for engine in every], amplitudes, support)
+    return dict(zip(engines, found, strict=True))
+
+
 def _total_weights(case: Case, days: np.ndarray) -> np.ndarray:
     """Growth of the cycle functions [R, E] from the start to ``days`` [R]."""
-    model = case.model
-    before = min(model.cycles_before(law) for law in model.group_laws)
-    scale = before / (model.cycles_per_passage * sum(case.daily_passages))
+    scale, clock = day_scale(case), clock_of(case)
     nodes, shares = np.polynomial.legendre.leggauss(NODES)
     end, total = np.log1p(days / scale), np.zeros(1)
     for node, share in zip(nodes, shares, strict=True):
         time = 0.5 * (1.0 + node) * end
         size = 0.5 * share * end * scale * np.exp(time)
-        total = total + daily_weights(case, scale * np.expm1(time)) * size[:, None]
+        total = total + clock.daily_weights(scale * np.expm1(time)) * size[:, None]
     return total

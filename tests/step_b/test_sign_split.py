@@ -8,6 +8,7 @@ import toy
 
 from mcsettle.railway.track import PowerLaw
 from mcsettle.railway.traffic import Service
+from mcsettle.step_b.case import Support
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.cycles import cycles_at, daily_weights
 from mcsettle.step_b.engine import engine_for
@@ -37,6 +38,23 @@ def test_a_service_that_neither_settles_nor_counts_is_absent(place, cycles):
     off = replace(toy.case(services, cycles=cycles), counted=flags, settling=flags)
     without = days(toy.case((("passenger", 30),), cycles=cycles))
     np.testing.assert_allclose(days(off), without, rtol=1e-12)
+
+
+def test_flagged_cases_together_are_each_by_itself():
+    """To the bit: counts, integration and limits are each case's own."""
+    case, u = toy.case(ADDED), toy.profiles(range(5))
+    flags = [
+        ((True, True), (True, True)),
+        ((True, False), (True, False)),
+        ((True, False), (True, True)),
+    ]
+    cases = [replace(case, counted=c, settling=s) for c, s in flags]
+    support = Support(factor=np.linspace(0.5, 2.0, 5))
+    together = CycleJump(case).run_flagged(cases, u, support)
+    for one, found in zip(cases, together, strict=True):
+        alone = CycleJump(one).run(u, np.zeros(0), support=support)
+        for name in ("days", "amplitudes", "mean_settlement", "passages", "steps", "sd_initial"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
 
 
 def test_hardening_alone_is_n_that_counts_more():
