@@ -1,6 +1,7 @@
 """Small tables of finished runs, and the pages that quote them: each number has one source.
 
-python studies/paper_tables.py results/linespeed results/traffic results/charges
+python studies/paper_tables.py results/linespeed results/traffic results/charges \
+    results/linespeed_uncertain results/traffic_uncertain
 
 writes ``docs/tables/NAME.csv`` for each folder, then renews the generated tables of the pages and the
 numbers in the sentences of ``docs/tables/quoted.toml``. Without folders only the pages are renewed.
@@ -22,7 +23,8 @@ from mcsettle.summary.summary import SummaryRow, summary_rows
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLES = ROOT / "docs" / "tables"
-NUMBERS = ("p5", "p50", "error", "p95", "mean", "mean_low", "mean_high", "published")
+MEDIAN = ("p50", "error", "p50_low", "p50_high")
+NUMBERS = ("p5", *MEDIAN, "p95", "mean", "mean_low", "mean_high", "published")
 COLUMNS = ("variant", "scenario", "metric", *NUMBERS, "at", "n", "factor")
 METRICS = {
     "tamping_interval_days": "days",
@@ -54,7 +56,8 @@ def table_of(results: Results) -> str:
         mean = None if effect is None else effect.price
         middle = row.at(0.5)
         values = [
-            *(row.at(0.05).value, middle.value, middle.standard_error, row.at(0.95).value),
+            *(row.at(0.05).value, middle.value, middle.standard_error),
+            *(middle.lower, middle.upper, row.at(0.95).value),
             *((None,) * 3 if mean is None else (mean.value, mean.lower, mean.upper)),
             row.reference.value if row.reference else None,
         ]
@@ -119,7 +122,7 @@ def quotes() -> list[dict[str, str]]:
 def filled(text: str) -> str:
     """``text`` with its numbers: ``{NAME VARIANT SCENARIO METRIC COLUMN DECIMALS}`` in each place.
 
-    A minus before the column turns the sign; the variants ``lowest`` and ``highest`` are the least and
+    A minus before the column turns the sign; of ``at`` it is the percentile; the variants ``lowest`` and ``highest`` are the least and
     the largest over all that have a line mean.
     """
     return _PLACE.sub(lambda place: _quoted(place[1]), text)
@@ -128,6 +131,8 @@ def filled(text: str) -> str:
 def _quoted(place: str) -> str:
     name, variant, scenario, metric, column, places = place.split(" ")
     table, key = read_table(name), column.lstrip("-")
+    if key == "at":  # "P11 (10–12)", where the values of some are not known
+        return table[variant, scenario, metric][key].split()[0].lstrip("P")
     if variant in EXTREMES:
         cells = (row[key] for place, row in table.items() if place[1:] == (scenario, metric))
         value: float | None = EXTREMES[variant](float(cell) for cell in cells if cell)

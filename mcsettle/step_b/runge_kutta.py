@@ -63,8 +63,7 @@ def integrate(
     -------
     Path
     """
-    n, u = len(state), state.copy()
-    last = np.broadcast_to(end, n)
+    n, u, last = len(state), state.copy(), np.broadcast_to(end, len(state))
     time, step = np.zeros(n), np.minimum(0.05, last)
     sd = np.full((n, len(samples)), np.nan)
     sd[:, samples <= 0.0] = roughness.sd(u[:, :-1])[:, None]
