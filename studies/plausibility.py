@@ -80,7 +80,9 @@ def forms() -> Iterator[tuple[str, Data]]:
             "trains": {name: {"car_length_m": 22.7} for name in ("passenger", "heavy")},
         },
     )
-    yield "total_0.1", {"stress": "total", "spatial_variability": varying}
+    total = {"stress": "total", "spatial_variability": varying}
+    yield "total_0.1", total
+    yield "total_bending", total | {"rail_bending_share": 1.0}
 
 
 def study_of(form: Data, realisations: int) -> Study:
