@@ -122,8 +122,8 @@ def quotes() -> list[dict[str, str]]:
 def filled(text: str) -> str:
     """``text`` with its numbers: ``{NAME VARIANT SCENARIO METRIC COLUMN DECIMALS}`` in each place.
 
-    A minus before the column turns the sign; of ``at`` it is the percentile; the variants ``lowest`` and ``highest`` are the least and
-    the largest over all that have a line mean.
+    A minus before the column turns the sign; of ``at`` it is the percentile; the variants ``lowest`` and
+    ``highest`` are the least and the largest over all that have a line mean.
     """
     return _PLACE.sub(lambda place: _quoted(place[1]), text)
 
