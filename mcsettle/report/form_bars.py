@@ -57,13 +57,15 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
         "model form", "price", "line mean (95 %)", "sections, P5 to P95", "interval", "sign",
     )  # fmt: skip
     of = f" for {scenarios[0]}" if len(scenarios) == 1 else ""
+    axis = f"price, {money} per {label}"
     return Bars(
-        caption=f"What the choice of model moves{of}: price, {money} per {label}",
+        caption=f"What the choice of model moves{of}: {axis}",
+        axis=axis,
         head=head,
         zero=place(0.0),
         ticks=tuple((place(t), number(t, digits)) for t in ticks),
         rows=tuple(rows),
-        alt=f"Price, {money} per {label}: "
+        alt=f"P{axis[1:]}: "
         + "; ".join(f"{row.title} {bar.label} {bar.cells[0]}" for row in rows for bar in row.bars),
         note="Each form but the first says what it assumes otherwise. Dot: mean of the line; bar: its "
         "95 % interval; ring: published. Sign: settled where "

@@ -109,10 +109,12 @@ class BarRow:
 class Bars:
     """Prices by model form on one axis: ``zero`` and ``ticks`` (place in per cent, text).
 
-    ``head`` names the columns: form, axis, then one a cell.
+    ``head`` names the columns: form, axis, then one a cell. ``axis`` is the axis with its unit, for a
+    picture without the caption.
     """
 
     caption: str
+    axis: str
     head: tuple[str, ...]
     zero: float
     ticks: tuple[tuple[float, str], ...]

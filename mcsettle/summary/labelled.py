@@ -23,8 +23,8 @@ def labelled(
 ) -> "xarray.Dataset":
     """Every column of ``realisations`` and ``effects`` over ``DIMS``, NaN where a row is missing.
 
-    ``units``: of the columns of the drawn inputs.
-    The ``status`` of the effects is ``effect_status``, their other texts are left out.
+    ``units``: of the columns of the drawn inputs, and of any that has a closer one than its table says. The ``status`` of the effects is ``effect_status``, their
+    other texts are left out. Effects have the dimension ``baseline`` too where a scenario has several.
 
     Raises
     ------
@@ -42,18 +42,24 @@ def labelled(
         if table.empty:
             continue
         schema = schema_of(name, table.columns, currency, units)
-        rows = table.astype({"scenario": str, "variant": str}).set_index(DIMS)
+        rows, dims = table.astype({"scenario": str, "variant": str}), DIMS
+        if rows.duplicated(DIMS).any():
+            rows, dims = rows.astype({"baseline": str}), ["scenario", "baseline", *DIMS[1:]]
         part = xarray.Dataset.from_dataframe(
-            rows.drop(columns=["baseline", "effect"], errors="ignore")
+            rows.set_index(dims).drop(columns=["baseline", "effect"], errors="ignore")
         )
         for column in part.data_vars:
             metadata = schema.field(str(column)).metadata
-            unit = metadata[b"unit"].decode()
+            unit = units.get(str(column), metadata[b"unit"].decode())
             part[column].attrs = {"long_name": metadata[b"description"].decode()}
             if unit:
                 part[column].attrs["units"] = unit
         parts.append(part.rename({"status": "effect_status"}) if name == "effects" else part)
     data = xarray.merge(parts, join="outer", compat="no_conflicts")
-    present = {"scenario": scenarios, "variant": variants}
-    order = {dim: [n for n in names if n in data[dim].values] for dim, names in present.items()}
-    return data.sel(order).transpose(*DIMS)
+    present = {"scenario": scenarios, "variant": variants, "baseline": scenarios}
+    order = {
+        dim: [n for n in names if n in data[dim].values]
+        for dim, names in present.items()
+        if dim in data.dims
+    }
+    return data.sel(order).transpose("scenario", ..., *DIMS[1:])

@@ -105,7 +105,8 @@ class Results:
     def to_xarray(self) -> "xarray.Dataset":
         """Intervals, SDs and effects over scenario, variant, parameter_set and realisation.
 
-        Units and meanings are attributes (``units``, ``long_name``) of each variable.
+        Units and meanings are attributes (``units``, ``long_name``) of each variable. Where a scenario has
+        several baselines, effects are over ``baseline`` too.
 
         Raises
         ------
@@ -115,7 +116,10 @@ class Results:
         tables = {"realisations": self.realisations, "effects": self.effects}
         study = self.study
         names = study.scenario_names, study.variant_names
-        return labelled(tables, *names, study.currency, input_units(study))
+        units, prices = input_units(study), {e.change.unit for e in study.effects.values()}
+        if len(prices) == 1:
+            units |= {"marginal_cost": prices.pop()}
+        return labelled(tables, *names, study.currency, units)
 
     def __repr__(self) -> str:
         counts = self.realisations["status"].value_counts()

@@ -405,6 +405,8 @@ def test_report_command_writes_beside_the_folder(speed_run: Path, tmp_path: Path
     assert done.exit_code == 0, done.output
     names = {p.name for p in pictures.glob("*.*") if p.is_file()}
     assert {"answer.svg", "answer.png", "answer.pdf", "sd_time.svg", "survival.pdf"} <= names
+    # Away from its page a picture has no caption: the axis says what it is of.
+    assert "price, pence per train-km" in (pictures / "answer.svg").read_text(encoding="utf-8")
     assert text.read_text(encoding="utf-8").startswith("# Toy")
 
 

@@ -30,7 +30,7 @@ def forms_figure(bars: Bars) -> Figure:
         f"{row.title}  {bar.label}" if bar is row.bars[0] else bar.label for row, bar in lines
     ]
     axes.set_yticks(range(len(lines)), labels)
-    axes.set(xlim=(0.0, 100.0), ylim=(len(lines) - 0.4, -0.6), xlabel=bars.head[1])
+    axes.set(xlim=(0.0, 100.0), ylim=(len(lines) - 0.4, -0.6), xlabel=bars.axis)
     axes.set_xticks([place for place, _ in bars.ticks], [text for _, text in bars.ticks])
     axes.grid(visible=False, axis="y")
     return figure
