@@ -3,12 +3,18 @@
 Every design advances the same tracks by the same passages of the same 11-car passenger train on the
 closed-form track; its error is that of the change of the profile over one train against the definition
 (``mcsettle.step_b.passage``). The designs that are not ours are in ``baselines.py``. Run on a quiet
-machine: ``make bench`` (options: realisations, seconds a design).
+machine: ``make bench`` (options: realisations, seconds a design); ``MCSETTLE_RUNTIME=quadrants`` for the
+kernels as that runtime compiles them. ``--both`` measures the kernels alone under both runtimes in turn,
+a process each, and prints their ratios per CPU second, which other work on the machine changes little.
 """
 
 import argparse
+import json
 import os
 import platform
+import statistics
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,7 +35,7 @@ from baselines import (
     weights_of,
 )
 
-from mcsettle.kernels import runtime
+from mcsettle.kernels import backend, runtime
 from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.spatial_variability import (
     SpatialVariability,
@@ -54,9 +60,18 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--realisations", type=int, default=1024)
     options.add_argument("--seconds", type=float, default=3.0)
+    options.add_argument("--both", action="store_true", help="the kernels under both runtimes")
+    options.add_argument("--rounds", type=int, default=3, help="with --both: processes of each")
+    options.add_argument("--kernels", action="store_true", help="the kernels' rates alone, as JSON")
     given = options.parse_args()
+    if given.both:
+        both_runtimes(given.realisations, given.seconds, given.rounds)
+        return
     runtime.start()
     transfer, model, tracks = problem(given.realisations)
+    if given.kernels:
+        print(json.dumps({n: per_cpu_second(n, transfer, model, tracks, given) for n in KERNELS}))
+        return
     truth = definition(transfer, model, tracks[:1])
     peaks = {"f64": fused_peak("f64"), "f32": fused_peak("f32")}
     print(machine(), "\n")
@@ -88,6 +103,36 @@ def main() -> None:
         for other in OTHERS:
             if other in rates:
                 print(f"- {ours}: {rates[ours] / rates[other]:.3g} × {other}")
+
+
+def per_cpu_second(name, transfer, model, tracks, given) -> float:
+    """Passages per CPU second of the design ``name``."""
+    rate, busy = timed(DESIGNS[name](transfer, model, tracks)[0], given.seconds)
+    return rate / busy
+
+
+def both_runtimes(realisations: int, seconds: float, rounds: int) -> None:
+    """Passages per CPU second of every kernel, the runtimes in turn, medians of ``rounds``."""
+    found: dict[str, list[list[float]]] = {name: [] for name in backend.RUNTIMES}
+    command = [sys.executable, __file__, "--kernels", f"--realisations={realisations}"]
+    for _ in range(rounds):
+        for name, rates in found.items():
+            done = subprocess.run(
+                [*command, f"--seconds={seconds}"],
+                env=os.environ | {backend.VARIABLE: name},
+                stdout=subprocess.PIPE,
+                text=True,
+                check=True,
+            )
+            rates.append(list(json.loads(done.stdout.splitlines()[-1]).values()))
+    head = ("kernel", *(f"{name.title()}, per CPU second" for name in found), "ratio, every round")
+    print("| " + " | ".join(head) + " |\n|" + "--|" * len(head))
+    for at, kernel in enumerate(KERNELS):
+        own = {name: [rates[at] for rates in rounds] for name, rounds in found.items()}
+        ratios = [new / old for old, new in zip(*own.values(), strict=True)]
+        cells = [f"{statistics.median(rates):.3g}" for rates in own.values()]
+        cells += [f"{statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})"]
+        print(f"| {kernel.partition(', ')[2]} | " + " | ".join(cells) + " |")
 
 
 def cycle_jumps(transfer: TransferFunctions, model: SettlementModel, tracks: np.ndarray) -> None:
@@ -245,20 +290,22 @@ def one_service(transfer: TransferFunctions, model: SettlementModel) -> Case:
     return Case(Timetable((service,)), (transfer,), model, WINDOW, 1.0, 1e9)
 
 
+OWN = backend.NAME.title()
 DESIGNS = {
     "NumPy, the definition, one realisation": numpy_one,
     "NumPy, every field by FFT, one realisation": numpy_fields,
     "NumPy, second-order form, 64 realisations": numpy_form,
     "SciPy FFT, the same mathematics, 64 realisations": scipy_low_rank,
     "Numba, second-order form, lanes": numba_lanes,
-    "Taichi, every x and depth, profile fixed over a train": pointwise_kernel,
-    "Taichi, every x and depth, every axle": pointwise_march(),
-    "Taichi, every x and depth, every axle, f32": pointwise_march("f32"),
-    "Taichi, second-order form, every axle": march_kernel(by_train=False),
-    "Taichi, second-order form, every axle, f32": march_kernel(by_train=False, precision="f32"),
-    "Taichi, second-order form, every train": march_kernel(by_train=True),
-    "Taichi, second-order form, every train, f32": march_kernel(by_train=True, precision="f32"),
+    f"{OWN}, every x and depth, profile fixed over a train": pointwise_kernel,
+    f"{OWN}, every x and depth, every axle": pointwise_march(),
+    f"{OWN}, every x and depth, every axle, f32": pointwise_march("f32"),
+    f"{OWN}, second-order form, every axle": march_kernel(by_train=False),
+    f"{OWN}, second-order form, every axle, f32": march_kernel(by_train=False, precision="f32"),
+    f"{OWN}, second-order form, every train": march_kernel(by_train=True),
+    f"{OWN}, second-order form, every train, f32": march_kernel(by_train=True, precision="f32"),
 }
+KERNELS = list(DESIGNS)[5:]
 OURS = list(DESIGNS)[6:10]
 OTHERS = list(DESIGNS)[1:5]
 # Of a passage: 14 for each of 2324 pairs, 20 for each of 61 modes.

@@ -4,6 +4,7 @@ map equals the tree.
 
 import ast
 import functools
+import re
 import subprocess
 import sys
 import tomllib
@@ -291,9 +292,21 @@ def test_versions_agree() -> None:
     import mcsettle
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["version"] == mcsettle.__version__
+    version = project["version"]
+    assert version == mcsettle.__version__
+    told = {name: (ROOT / name).read_text(encoding="utf-8") for name in PEOPLE_READ}
+    assert f"\nversion: {version}\n" in told["CITATION.cff"]
+    assert f"## [{version}]" == re.search(r"^## \[.*", told["CHANGELOG.md"], re.MULTILINE)[0]
+    python = "Programming Language :: Python :: 3."
+    minors = [int(c.removeprefix(python)) for c in project["classifiers"] if c.startswith(python)]
+    assert project["requires-python"] == f">=3.{minors[0]},<3.{minors[-1] + 1}"
+    assert minors == [*range(minors[0], minors[-1] + 1)]
+    for page in ("README.md", "docs/guide/start.md"):
+        assert f"Python 3.{minors[0]} to 3.{minors[-1]}" in told[page]
+        assert f"mcsettle-{version}-py3-none-any.whl" in told[page]
 
 
+PEOPLE_READ = ("CITATION.cff", "CHANGELOG.md", "README.md", "docs/guide/start.md")
 LOADED = (
     "import sys; {}; "
     "print(sorted({{m.split('.')[0] for m in sys.modules}} & {{'taichi', 'quadrants', 'numpy'}}))"
