@@ -30,7 +30,13 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	$(BIN)/mcsettle schema > studies/study.schema.json
 	touch $@
 
-study: env
+# A study needs none of the tools of development.
+$(VENV)/.runs: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+study: $(if $(wildcard $(VENV)/.installed),env,$(VENV)/.runs)
 	$(BIN)/mcsettle run studies/linespeed.toml --out $(RESULTS)/linespeed
 	$(BIN)/mcsettle summarise $(RESULTS)/linespeed --picture $(RESULTS)/linespeed.png
 
@@ -83,8 +89,9 @@ campaign: env
 	$(BIN)/python tests/campaign.py $(CAMPAIGN)
 
 bench: env
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[bench]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[bench,quadrants]"
 	$(BIN)/python studies/benchmark.py
+	$(BIN)/python studies/benchmark.py --both
 
 # The site needs no package but those of the extra: it reads the sources.
 docs: build/docs/.installed

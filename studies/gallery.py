@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 BLOCK = re.compile(r"(<!-- not run.*?-->\n)?^```(console|python)\n(.*?)^```$", re.M | re.S)
 PICTURE = re.compile(r"\]\(gallery/([\w-]+\.png)\)")
-WIDTH, COLOURS = 900, 128  # pixels; a palette is a third of the bytes
+WIDTH, COLOURS = 760, 64  # pixels; a palette is a third of the bytes
 
 
 def run(kind: str, text: str, folder: Path) -> None:
