@@ -23,8 +23,9 @@ def labelled(
 ) -> "xarray.Dataset":
     """Every column of ``realisations`` and ``effects`` over ``DIMS``, NaN where a row is missing.
 
-    ``units``: of the columns of the drawn inputs, and of any that has a closer one than its table says. The ``status`` of the effects is ``effect_status``, their
-    other texts are left out. Effects have the dimension ``baseline`` too where a scenario has several.
+    ``units``: of the columns of the drawn inputs, and of any that has a closer one than its table says.
+    The ``status`` of the effects is ``effect_status``, their other texts are left out. Effects have the
+    dimension ``baseline`` too where a scenario has several.
 
     Raises
     ------

@@ -105,8 +105,8 @@ class Results:
     def to_xarray(self) -> "xarray.Dataset":
         """Intervals, SDs and effects over scenario, variant, parameter_set and realisation.
 
-        Units and meanings are attributes (``units``, ``long_name``) of each variable. Where a scenario has
-        several baselines, effects are over ``baseline`` too.
+        Units and meanings are attributes (``units``, ``long_name``) of each variable. Where a scenario
+        has several baselines, effects are over ``baseline`` too.
 
         Raises
         ------
