@@ -278,3 +278,13 @@ def test_every_page_is_in_the_contents_of_the_site() -> None:
     outside = {"index.md", "studies.md", "contributing.md", "changelog.md"}
     notebooks = {f"tutorials/{path.stem}.md" for path in (ROOT / "docs").rglob("*.ipynb")}
     assert set(re.findall(r"[\w/-]+\.md", text)) == pages | outside | notebooks
+
+
+def test_the_gallery_shows_every_picture_that_it_keeps_and_keeps_them_small() -> None:
+    shown = re.findall(
+        r"\]\(gallery/([\w-]+\.png)\)",
+        (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8"),
+    )
+    kept = {path.name: path.stat().st_size for path in (ROOT / "docs" / "gallery").iterdir()}
+    assert sorted(shown) == sorted(kept)
+    assert max(kept.values()) < 100_000
