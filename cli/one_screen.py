@@ -17,6 +17,7 @@ from mcsettle.report.price_words import (
     price_places,
     question,
     scaled_unit,
+    scope,
     span,
     tamped_on,
 )
@@ -54,7 +55,7 @@ def _screen(results: "Results", answers: "Answers", name: str, size: tuple[int, 
     shown = name if len(_EVERY.format(name)) <= width else "DIR"
     return [
         cut(answers.study.title or "untitled", width),
-        cut(_size(results, answers), width),
+        cut(scope(results, answers), width),
         "",
         *_prices(answers, width, most),
         *_intervals(answers, width, most),
@@ -64,20 +65,6 @@ def _screen(results: "Results", answers: "Answers", name: str, size: tuple[int, 
         _EVERY.format(shown),
         f"As a page: mcsettle report {shown}",
     ]
-
-
-def _size(results: "Results", answers: "Answers") -> str:
-    tracks = int(results.realisations["realisation"].nunique())
-    sets = int(results.realisations["parameter_set"].nunique())
-    n, study = len(answers.forms), answers.study
-    sections = f"{tracks} section{'s' if tracks > 1 else ''}"
-    sections += f" × {sets} parameter sets" if sets > 1 else ""
-    parts = [f"{sections} in each scenario"]
-    parts += [f"{n} model form{'s' if n > 1 else ''}", f"seed {study.seed}"]
-    if study.economics is not None:
-        year = study.economics.price_base_year
-        parts.append(study.currency + (f" of {year}" if year else ", base year unknown"))
-    return " · ".join(parts)
 
 
 def _prices(answers: "Answers", width: int, most: int) -> Iterator[str]:

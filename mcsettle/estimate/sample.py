@@ -351,32 +351,38 @@ def _studentised(
 ) -> tuple[float, float]:
     """Interval of a mean from resampled t statistics: right for skew and small samples alike."""
     n, value = len(sample), float(np.mean(sample))
-    error = float(np.std(sample, ddof=1)) / np.sqrt(n)
+    centred = sample - value  # so that the squares do not cancel
     scores = []
-    for rows in _resampled_rows(n, n_resamples, seed):
-        drawn = sample[rows]
-        means = np.mean(drawn, axis=1)
-        errors = np.std(drawn, axis=1, ddof=1, mean=means[:, None]) / np.sqrt(n)
-        off = means - value
+    for counts in _resampled_counts(n, n_resamples, seed):
+        off = counts @ centred / n
+        spread = np.maximum(counts @ centred**2 - n * off**2, 0.0)
+        errors = np.sqrt(spread / ((n - 1) * n))
         scores.append(np.divide(off, errors, out=np.zeros_like(off), where=errors > 0.0))
     tail = 0.5 - 0.5 * confidence
     low, high = np.quantile(np.concatenate(scores), [tail, 0.5 + 0.5 * confidence])
+    error = float(np.std(sample, ddof=1)) / np.sqrt(n)
     return value - float(high) * error, value - float(low) * error
 
 
-def _resampled_rows(n: int, n_resamples: int, seed: int) -> Iterable[np.ndarray]:
-    """Rows of a sample drawn with replacement, [b, n] at a time: few enough to stay in the cache."""
+def _resampled_counts(n: int, n_resamples: int, seed: int) -> Iterable[np.ndarray]:
+    """How often each value is there in samples drawn with replacement, [b, n] at a time."""
     if n * n_resamples <= LARGEST_KEPT:
-        drawn = _kept_rows(n, n_resamples, seed)
-        return np.array_split(drawn, max(1, drawn.size // CHUNK))
+        return (_kept_counts(n, n_resamples, seed),)
     rng, step = np.random.default_rng(seed), max(1, CHUNK // n)
     firsts = range(0, n_resamples, step)
-    return (rng.integers(0, n, (min(step, n_resamples - first), n)) for first in firsts)
+    return (_counts(rng, n, min(step, n_resamples - first)) for first in firsts)
 
 
 @lru_cache(maxsize=2)
-def _kept_rows(n: int, n_resamples: int, seed: int) -> np.ndarray:
-    return np.random.default_rng(seed).integers(0, n, (n_resamples, n))
+def _kept_counts(n: int, n_resamples: int, seed: int) -> np.ndarray:
+    return _counts(np.random.default_rng(seed), n, n_resamples)
+
+
+def _counts(rng: np.random.Generator, n: int, n_resamples: int) -> np.ndarray:
+    """Counts [n_resamples, n] of values drawn ``n`` at a time."""
+    rows = rng.integers(0, n, (n_resamples, n)) + n * np.arange(n_resamples)[:, None]
+    counts = np.bincount(rows.ravel(), minlength=n * n_resamples).astype(float)
+    return counts.reshape(n_resamples, n)
 
 
 def _finite(number: float) -> float | None:

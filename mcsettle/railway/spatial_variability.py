@@ -231,27 +231,41 @@ def _field(distribution: str, waves: FieldWaves, cov: float, normals: np.ndarray
 _log_scales: dict[tuple[bytes, int, float], float] = {}
 
 
-def _log_scale(waves: FieldWaves, cov: float) -> float:
-    """What the waves are multiplied by in the exponent of a lognormal field of band coefficient ``cov``.
+def refuse_unreachable(waves: FieldWaves, cov: float) -> None:
+    """Refuse a lognormal field of a coefficient in the band that these waves cannot have.
 
-    The exponential of a Gaussian field of covariance C has the covariance e^C − 1, over its squared mean.
+    Raises
+    ------
+    InputError
+        With the largest that they can have.
     """
+    largest = _band_coefficient(waves, LARGEST_LOG_SD / waves.point_share)
+    if cov > largest:
+        raise InputError(
+            f"spatial_variability.cov is {cov:g}; a lognormal field of these waves has at most "
+            f"{largest:.3g} in the profile's band"
+        )
+
+
+def _log_scale(waves: FieldWaves, cov: float) -> float:
+    """Factor of the waves in the exponent of a lognormal field of coefficient ``cov`` in the band."""
     key = waves.scale.tobytes(), waves.first, cov
     if key not in _log_scales:
         from scipy.optimize import brentq  # takes long to import, and few need it
 
-        n_points = waves.n_points
-        covariance = to_points((waves.scale**2).astype(complex), n_points)
-
-        def band_coefficient(a: float) -> float:
-            power = np.fft.rfft(np.expm1(a**2 * covariance)).real * (2.0 / n_points)
-            return float(np.sqrt(power[1:][waves.band].sum()))
-
+        refuse_unreachable(waves, cov)
         high = LARGEST_LOG_SD / waves.point_share
-        if cov > band_coefficient(high):
-            raise InputError(
-                f"spatial_variability.cov is {cov:g}; a lognormal field of these waves has at most "
-                f"{band_coefficient(high):.3g} in the profile's band"
-            )
-        _log_scales[key] = float(brentq(lambda a: band_coefficient(a) - cov, 0.0, high, xtol=1e-14))
+        _log_scales[key] = float(
+            brentq(lambda a: _band_coefficient(waves, a) - cov, 0.0, high, xtol=1e-14)
+        )
     return _log_scales[key]
+
+
+def _band_coefficient(waves: FieldWaves, scale: float) -> float:
+    """Coefficient of variation, in the band, of exp of the field of ``scale`` times the waves.
+
+    The exponential of a Gaussian field of covariance C has the covariance e^C − 1, over its squared mean.
+    """
+    covariance = to_points((waves.scale**2).astype(complex), waves.n_points)
+    power = np.fft.rfft(np.expm1(scale**2 * covariance)).real * (2.0 / waves.n_points)
+    return float(np.sqrt(power[1:][waves.band].sum()))

@@ -91,6 +91,12 @@ def told_apart(study: Study, variant: str, variants: Sequence[str]) -> str:
     return ", ".join(words[subject] for subject in subjects if words[subject])
 
 
+def ground_and_support(study: Study, variant: str) -> str:
+    """What ``variant`` assumes of ground and support, those that a reader knows best."""
+    words = assumptions(study, variant)
+    return f"{words['ground']}, {words['support']}"
+
+
 def beside(study: Study, variant: str, first: str) -> str:
     """What ``variant`` assumes otherwise than the form ``first``."""
     own, others = assumptions(study, variant), assumptions(study, first)

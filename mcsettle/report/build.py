@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mcsettle.report.audit import limit_blocks, method_blocks, provenance_blocks
-from mcsettle.report.first_page import first_page, scope
+from mcsettle.report.first_page import first_page
 from mcsettle.report.form_tables import form_blocks
 from mcsettle.report.material import Material, StepAPart, read_material
 from mcsettle.report.page import Block, Page, Picture, Section, Text
@@ -17,7 +17,7 @@ from mcsettle.report.pictures import (
     single_track_pictures,
     step_a_pictures,
 )
-from mcsettle.report.price_words import question
+from mcsettle.report.price_words import question, scope
 from mcsettle.report.published import published_blocks
 from mcsettle.report.quality import (
     calibration_blocks,
@@ -108,7 +108,13 @@ def build(material: Material, bars: "Sequence[Bar]" = ()) -> Page:
         Section("provenance", "Provenance", tuple(provenance_blocks(material))),
     ]
     title = cut(material.study.title, 300) or "Untitled study"
-    page = Page(title, question(material.answers), scope(material), first, tuple(before))
+    page = Page(
+        title,
+        question(material.answers),
+        scope(material.results, material.answers),
+        first,
+        tuple(before),
+    )
     published: list[Section] = []
     if material.study.reference:
         blocks = tuple(published_blocks(material, page.pictures))

@@ -61,17 +61,16 @@ def rates(material: Material, window: float = MOVING) -> list[Rate]:
     """
     found = []
     for scenario, grid in _histories(material, at_limit=False).items():
-        days = grid.index.to_numpy(float)
-        ends = days[days > days[0] + 0.5 * window]
+        days, sd = grid.index.to_numpy(float), grid.to_numpy(float)
         steps = []
-        for end in ends:
-            before = days[days < end]
-            start = before[np.argmin(np.abs(before - (end - window)))]
-            change = (grid.loc[end] - grid.loc[start]).to_numpy(float)
-            known = change[np.isfinite(change)] * DAYS_PER_YEAR / (end - start)
+        for last in np.flatnonzero(days > days[0] + 0.5 * window):
+            start = np.argmin(np.abs(days[:last] - (days[last] - window)))
+            change = sd[last] - sd[start]
+            per_year = DAYS_PER_YEAR / (days[last] - days[start])
+            known = change[np.isfinite(change)] * per_year
             # Once half of the tracks are tamped the rest is no sample of them all.
-            if known.size >= max(3, 0.5 * grid.shape[1]):
-                steps.append((end, *np.quantile(known, (0.05, 0.5, 0.95))))
+            if known.size >= max(3, 0.5 * sd.shape[1]):
+                steps.append((days[last], *np.quantile(known, (0.05, 0.5, 0.95))))
         if len(steps) > 1:
             table = np.array(steps).T
             tint = material.tint(scenario)
@@ -187,21 +186,14 @@ def _histories(material: Material, at_limit: bool) -> dict[str, pd.DataFrame]:
 
     ``at_limit``: a tamped track stays at its limit; else it is known no more.
     """
-    table, study = material.results.history, material.study
-    if table.empty:
+    study = material.study
+    parts = {n: material.history(n) for n in study.scenario_names}
+    parts = {name: own for name, own in parts.items() if not own.empty}
+    if not parts:
         return {}
-    table = table[table["variant"] == material.variant]
-    if table.empty:
-        return {}
-    keys, found = ["parameter_set", "realisation"], {}
-    days = day_grid(table)
-    for scenario in study.scenario_names:
-        own = table[table["scenario"] == scenario]
-        complete = pd.MultiIndex.from_frame(material.tracks(scenario)[keys])
-        own = own[pd.MultiIndex.from_frame(own[keys]).isin(complete)]
-        if not own.empty:
-            found[scenario] = on_grid(own, days, study.limit.sd_limit_mm if at_limit else None)
-    return found
+    days = day_grid(max(float(own["day"].max()) for own in parts.values()))
+    limit = study.limit.sd_limit_mm if at_limit else None
+    return {name: on_grid(own, days, limit) for name, own in parts.items()}
 
 
 def _cut(found: list[Fan], limit: float) -> list[Fan]:

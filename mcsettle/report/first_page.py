@@ -9,24 +9,12 @@ from mcsettle.report.form_bars import MOST_LINES, form_bars
 from mcsettle.report.material import Material
 from mcsettle.report.money import symbol
 from mcsettle.report.page import Block, Bullets, Columns, Lead, Table, Text
-from mcsettle.report.price_words import answer_sentence, changes_of, prices, span, tamped_on
+from mcsettle.report.price_words import answer_sentence, changes_of, span, tamped_on
 from mcsettle.report.words import cut
 from mcsettle.summary.answers import Answers
 
 MOST_TOLD = 4  # scenarios told in sentences
 MOST_NARROWING = 3  # things to measure
-
-
-def scope(material: Material) -> str:
-    """The size of the sample, the forms, the prices."""
-    study, n = material.study, len(material.answers.forms)
-    sets = f" × {material.n_sets} parameter sets" if material.n_sets > 1 else ""
-    parts = [
-        f"{material.n_tracks} track section{'s' if material.n_tracks > 1 else ''}{sets} in each scenario",
-        f"{n} model form{'s' if n > 1 else ''}",
-        f"seed {study.seed}",
-    ]
-    return " · ".join([*parts, prices(study)] if study.economics is not None else parts)
 
 
 def first_page(material: Material) -> tuple[Block, ...]:
@@ -43,13 +31,14 @@ def first_page(material: Material) -> tuple[Block, ...]:
     if answers.summaries:
         shown = by_unit(material.study, shown_scenarios(answers), material.miles)
         blocks += [form_bars(material, names) for names in shown]
-    columns: list[tuple[Block, ...]] = [(interval_table(material),)]
+    stands = Bullets(tuple(_rests_on(material)), "What it rests on")
     if answers.summaries:
-        columns.append((Bullets(tuple(_price_of(material)), "What the price is a price of"),))
-    rests = Bullets(tuple(_rests_on(material)), "What it rests on")
+        told_of = (*_price_of(material), *stands.entries)
+        stands = Bullets(told_of, "What the price is, and rests on")
     narrowing = Bullets(tuple(narrowed_by(answers))[:MOST_NARROWING], "What would narrow it")
-    columns.append(tuple(part for part in (narrowing, rests) if part.entries))
-    return (*blocks, Columns(tuple(columns)))
+    shown = (interval_table(material), stands, narrowing)
+    columns = tuple((part,) for part in shown if not isinstance(part, Bullets) or part.entries)
+    return (*blocks, Columns(columns))
 
 
 def shown_scenarios(answers: Answers) -> list[str]:
@@ -90,7 +79,7 @@ def _price_of(material: Material) -> Iterator[str]:
         f"Tamping alone, {sign}{priced.tamping_cost_per_track_km:g} a track-km, discounted at "
         f"{100.0 * priced.discount_rate:g} % a year; no renewal, wear or delays."
     )
-    yield "Mean over the sections of a line. Single sections differ far more; that is no error."
+    yield "The mean of a line. Single sections differ far more; that is no error."
 
 
 def _rests_on(material: Material) -> Iterator[str]:

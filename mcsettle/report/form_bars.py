@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from mcsettle.estimate.rounding import number
-from mcsettle.report.assumptions import beside, told_apart
+from mcsettle.report.assumptions import beside, ground_and_support
 from mcsettle.report.charging import PriceUnit, headline_unit
 from mcsettle.report.material import Material
 from mcsettle.report.money import money_for
@@ -47,8 +47,8 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
             if (form, name) in answers.effects
         ]
         first = answers.forms[0]
-        apart = form == first  # the others say only what is otherwise: the rows stay short
-        note = told_apart(study, form, answers.forms) if apart else beside(study, form, first)
+        # The first says what a reader knows best, the others what is otherwise: the rows stay short.
+        note = ground_and_support(study, form) if form == first else beside(study, form, first)
         rows.append(BarRow(form.replace("_", " "), note, tuple(bars)))
     ticks = [t for t in MaxNLocator(5).tick_values(low, high) if low <= t <= high]
     step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
@@ -56,6 +56,7 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
     head = (
         "model form", "price", "line mean (95 %)", "sections, P5 to P95", "interval", "sign",
     )  # fmt: skip
+    ringed = any(bar.published is not None for row in rows for bar in row.bars)
     of = f" for {scenarios[0]}" if len(scenarios) == 1 else ""
     axis = f"price, {money} per {label}"
     return Bars(
@@ -67,10 +68,9 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
         rows=tuple(rows),
         alt=f"P{axis[1:]}: "
         + "; ".join(f"{row.title} {bar.label} {bar.cells[0]}" for row in rows for bar in row.bars),
-        note="Each form but the first says what it assumes otherwise. Dot: mean of the line; bar: its "
-        "95 % interval; ring: published. Sign: settled where "
-        "95 % of the sections agree that the interval shortens (cost) or lengthens (saving); open: "
-        "the share that shortens.",
+        note="Each form says what it assumes otherwise than the first. Dot and bar: mean of the line and "
+        f"its 95 % interval{'; ring: published' if ringed else ''}. Cost, saving: 95 % of the sections agree "
+        "that the interval shortens, lengthens; open: the share that shortens.",
     )
 
 

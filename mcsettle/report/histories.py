@@ -6,9 +6,9 @@ import pandas as pd
 POINTS = 161  # days of the grid
 
 
-def day_grid(history: pd.DataFrame) -> np.ndarray:
-    """Days [D] from 0 to the last day of any track in ``history``."""
-    return np.linspace(0.0, float(history["day"].max()), POINTS)
+def day_grid(last: float) -> np.ndarray:
+    """Days [D] from 0 to the ``last`` day of any track."""
+    return np.linspace(0.0, last, POINTS)
 
 
 def on_grid(history: pd.DataFrame, days: np.ndarray, limit: float | None) -> pd.DataFrame:

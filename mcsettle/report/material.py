@@ -67,9 +67,19 @@ class Material:
 
     def tracks(self, scenario: str, variant: str | None = None) -> pd.DataFrame:
         """Rows of ``realisations`` of one scenario that did not fail."""
-        table = self.results.realisations
-        own = (table["variant"] == (variant or self.variant)) & (table["scenario"] == scenario)
-        return table[own & (table["status"] != "failed")]
+        table = self.results.part("realisations", variant or self.variant, scenario)
+        return table[table["status"] != "failed"]
+
+    def history(self, scenario: str) -> pd.DataFrame:
+        """Rows of ``history`` of one scenario in the answer's variant, of tracks that did not fail."""
+        own = self.results.part("history", self.variant, scenario)
+        table = self.results.part("realisations", self.variant, scenario)
+        failed = table[table["status"] == "failed"]
+        if own.empty or failed.empty:
+            return own
+        keys = ["parameter_set", "realisation"]
+        lost = pd.MultiIndex.from_frame(failed[keys])
+        return own[~pd.MultiIndex.from_frame(own[keys]).isin(lost)]
 
     def effects(self, name: str) -> pd.DataFrame:
         """Rows of ``effects`` of the effect ``name`` with both intervals known."""

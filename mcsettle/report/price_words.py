@@ -10,6 +10,7 @@ from mcsettle.report.words import cut
 from mcsettle.study.study import Study
 from mcsettle.summary.answers import Answers
 from mcsettle.summary.forms import FormEffect, FormsSummary, Verdict
+from mcsettle.summary.results import Results
 
 USE = {"yes": "yes", "as a range": "only as a range", "no": "no"}
 
@@ -42,6 +43,20 @@ def _kind(study: Study, effects: list[str]) -> str:
     trains = [marginal_train(study, name) for name in effects]
     names = {"" if train is None else f"{train.name} " for train in trains}
     return names.pop() if len(names) == 1 else ""
+
+
+def scope(results: Results, answers: Answers) -> str:
+    """The size of the sample, the forms, the seed, the prices."""
+    tracks, sets = (results.realisations[key].nunique() for key in ("realisation", "parameter_set"))
+    n, study = len(answers.forms), answers.study
+    sections = f"{tracks} section{'s' if tracks > 1 else ''}"
+    sections += f" × {sets} parameter sets" if sets > 1 else ""
+    parts = [f"{sections} in each scenario"]
+    parts += [f"{n} model form{'s' if n > 1 else ''}", f"seed {study.seed}"]
+    if study.economics is not None:
+        year = study.economics.price_base_year
+        parts.append(study.currency + (f" of {year}" if year else ", base year unknown"))
+    return " · ".join(parts)
 
 
 def prices(study: Study) -> str:

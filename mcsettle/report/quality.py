@@ -220,7 +220,7 @@ def censoring_blocks(material: Material) -> Iterator[Block]:
     rows = []
     for variant in material.study.variant_names:
         for scenario in material.study.scenario_names:
-            own = table[(table["variant"] == variant) & (table["scenario"] == scenario)]
+            own = material.results.part("realisations", variant, scenario)
             counts = own["status"].value_counts()
             cells = (str(int(counts.get(s, 0))) for s in ("reached", "censored", "failed"))
             rows.append((variant, scenario, str(len(own)), *cells))

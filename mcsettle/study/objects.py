@@ -133,7 +133,7 @@ class StudyObjects(StudyTables):
         given = self.scenario(scenario).mgt_per_year
         return given or self.mgt_per_day(scenario) * DAYS_PER_YEAR
 
-    @property
+    @cached_property
     def effects(self) -> Mapping[str, StudyEffect]:
         """What is compared with what, by name; empty without prices."""
         return study_effects(self)

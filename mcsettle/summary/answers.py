@@ -20,7 +20,7 @@ from mcsettle.study.effects import StudyEffect
 from mcsettle.study.study import Study
 from mcsettle.summary.forms import FormEffect, FormsSummary, summarise_forms
 from mcsettle.summary.results import CENSORED, INTERVAL, Results
-from mcsettle.summary.samples import effect_sample, interval_sample, matrix
+from mcsettle.summary.samples import effect_samples, interval_sample, matrix
 from mcsettle.summary.summary import cost_exponent, set_weights
 from mcsettle.units import DAYS_PER_YEAR
 
@@ -85,14 +85,14 @@ def answers(results: Results, variant: str | None = None) -> Answers:
     intervals, effects = {}, {}
     for form in forms:
         weights = set_weights(results, form)
-        own = results.of_variant(form)
+        days: dict[str, CrossedSample] = {}
         for scenario in study.scenario_names:
             table = results.part("realisations", form, scenario)
-            if (table["status"] == "failed").all():
-                continue
-            intervals[form, scenario] = _interval(table, weights)
+            days[scenario] = interval_sample(table)
+            if np.any(days[scenario].valid):
+                intervals[form, scenario] = _interval(table, days[scenario], weights)
         for name, effect in study.effects.items():
-            found = _effect(results, form, effect, own, weights)
+            found = _effect(results, form, effect, days, weights)
             if found is not None:
                 effects[form, name] = found
     compared = dict.fromkeys(name for _, name in effects)
@@ -127,14 +127,15 @@ def is_calibrated(study: Study, variant: str) -> bool:
     return study.settlement_settings(variant).settlement_factor != 1.0
 
 
-def _interval(table: pd.DataFrame, weights: SetWeights | None) -> IntervalAnswer:
+def _interval(
+    table: pd.DataFrame, days: CrossedSample, weights: SetWeights | None
+) -> IntervalAnswer:
     """Median with its error and the middle half of one form and scenario; failed rows are left out."""
-    days = interval_sample(table).weighted(as_interval(weights))
-    complete = table[table["status"] != "failed"]
-    settled = CrossedSample(matrix(complete, SETTLED, table), "mm", weights=weights)
+    settled = np.where(days.valid, matrix(table, SETTLED), np.nan)
+    days = days.weighted(as_interval(weights))
     (median,) = days.interval_quantiles((0.5,))
     low, high = _quantiles(days.highest, days.shares, HALF)
-    (middle,) = _quantiles(settled.values, settled.shares, (0.5,))
+    (middle,) = _quantiles(settled, days.shares, (0.5,))
     return IntervalAnswer(median, (low, high), middle)
 
 
@@ -142,20 +143,24 @@ def _effect(
     results: Results,
     form: str,
     effect: StudyEffect,
-    own: pd.DataFrame,
+    days: Mapping[str, CrossedSample],
     weights: SetWeights | None,
 ) -> FormEffect | None:
-    """The paired effect of one form; None without any pair."""
+    """The paired effect of one form; None without any pair. ``days``: intervals by scenario."""
     if results.effects.empty:
         return None
     table = results.pairs(form, effect)
     table = table[table["status"].isin(["paired", "censored"])]
     if table.empty:
         return None
-    pairs = _Pairs.of(own, table, (effect.baseline, effect.scenario))
-    priced = as_interval(weights, cost_exponent(results.study, own, effect.baseline))
-    costs = effect_sample(table, "marginal_cost", effect.change.unit, own).weighted(priced)
-    reductions = effect_sample(table, "reduction_percent", "%", own).weighted(weights)
+    units = {"marginal_cost": effect.change.unit, "reduction_percent": "%"}
+    costs, reductions = effect_samples(table, units, results.sets).values()
+    kept = np.isin(results.tracks(form, effect.baseline), np.unique(table["realisation"]))
+    pairs = _Pairs.of([days[n] for n in (effect.baseline, effect.scenario)], kept, costs.valid)
+    if weights is not None:
+        exponent = cost_exponent(results.study, days[effect.baseline].values)
+        costs = costs.weighted(as_interval(weights, exponent))
+        reductions = reductions.weighted(weights)
     sizes = costs.shares
     bound = _at_most(results, effect.name, pairs, sizes) if np.any(costs.censored) else None
     (reduction,) = _known_quantiles(reductions, (0.5,))
@@ -177,14 +182,12 @@ class _Pairs:
     valid: np.ndarray
 
     @classmethod
-    def of(cls, own: pd.DataFrame, effects: pd.DataFrame, names: tuple[str, str]) -> "_Pairs":
-        """Pairs of the scenarios ``names``; ``effects`` has the valid ones, ``own`` all rows."""
-        valid = ~np.isnan(matrix(effects.assign(valid=1.0), "valid", own))
-        own = own[own["realisation"].isin(effects["realisation"])]
+    def of(cls, sides: Sequence[CrossedSample], kept: np.ndarray, valid: np.ndarray) -> "_Pairs":
+        """Pairs of baseline and scenario: the tracks ``kept`` of both, ``valid`` [E, R] of these."""
         base, base_end, days, end = (
-            np.where(valid, matrix(own[own["scenario"] == name], column), np.nan)
-            for name in names
-            for column in (INTERVAL, CENSORED)
+            np.where(valid, wide[:, kept], np.nan)
+            for own in sides
+            for wide in (own.values, np.asarray(own.at_least))
         )
         return cls(base, days, base_end, end, valid)
 

@@ -45,6 +45,15 @@ class Results:
         return all_sets(self.study)
 
     @cached_property
+    def sets(self) -> np.ndarray:
+        """Indices [E] of the parameter sets that were run, rising."""
+        return np.unique(self.realisations["parameter_set"].to_numpy(dtype=int))
+
+    def tracks(self, variant: str, scenario: str) -> np.ndarray:
+        """Numbers [R] of the realisations of one variant and scenario, rising."""
+        return np.unique(self.part("realisations", variant, scenario)["realisation"].to_numpy())
+
+    @cached_property
     def _by_scenario(self) -> dict[str, dict[object, pd.DataFrame]]:
         tables = {name: getattr(self, name) for name in ("realisations", "history", "effects")}
         by = ["variant", "scenario"]

@@ -1,5 +1,7 @@
 """From the tables of a run to samples of parameter sets × realisations (``estimate.crossed``)."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 import pandas as pd
 
@@ -12,31 +14,70 @@ def sets_of(table: pd.DataFrame) -> np.ndarray:
     return np.unique(table["parameter_set"].to_numpy(dtype=int))
 
 
-def matrix(table: pd.DataFrame, column: str, own: pd.DataFrame | None = None) -> np.ndarray:
-    """A column as [E, R], parameter sets × realisations; NaN where empty or missing.
+def floats(table: pd.DataFrame, column: str) -> np.ndarray:
+    """A column as numbers, NaN where empty."""
+    return table[column].to_numpy(dtype=float, na_value=np.nan)
 
-    ``own``: rows that have all sets of the run; a table from which failed rows are gone may lack some.
+
+def beside(table: pd.DataFrame, other: pd.DataFrame, columns: Sequence[str]) -> list[np.ndarray]:
+    """Columns of ``other`` as numbers for the rows of ``table``, by set and realisation.
+
+    NaN where ``other`` has no such row.
     """
-    sets, row = np.unique(table["parameter_set"].to_numpy(dtype=int), return_inverse=True)
+    if other.empty:
+        return [np.full(len(table), np.nan) for _ in columns]
+    most = 1 + max(int(t["realisation"].max()) for t in (table, other))
+    own, others = (
+        t["parameter_set"].to_numpy(dtype=int) * most + t["realisation"].to_numpy(dtype=int)
+        for t in (table, other)
+    )
+    order = np.argsort(others, kind="stable")
+    place = np.minimum(np.searchsorted(others, own, sorter=order), len(order) - 1)
+    there = order[place]
+    return [np.where(others[there] == own, floats(other, c)[there], np.nan) for c in columns]
+
+
+def matrices(
+    table: pd.DataFrame, columns: Sequence[str | np.ndarray], sets: np.ndarray | None = None
+) -> list[np.ndarray]:
+    """Columns as [E, R] each, parameter sets × realisations; NaN where empty or missing.
+
+    ``columns``: their names, or numbers in the order of the rows. ``sets`` [E] of the run; a table
+    from which failed rows are gone may lack some.
+    """
+    own, row = np.unique(table["parameter_set"].to_numpy(dtype=int), return_inverse=True)
     tracks, track = np.unique(table["realisation"].to_numpy(dtype=int), return_inverse=True)
-    if own is not None:
-        complete = sets_of(own)
-        sets, row = complete, np.searchsorted(complete, sets)[row]
-    wide = np.full((len(sets), len(tracks)), np.nan)
-    wide[row, track] = table[column].to_numpy(dtype=float, na_value=np.nan)
-    return wide
+    if sets is not None:
+        own, row = sets, np.searchsorted(sets, own)[row]
+    found = []
+    for column in columns:
+        wide = np.full((len(own), len(tracks)), np.nan)
+        wide[row, track] = floats(table, column) if isinstance(column, str) else column
+        found.append(wide)
+    return found
+
+
+def matrix(table: pd.DataFrame, column: str, sets: np.ndarray | None = None) -> np.ndarray:
+    """One column as ``matrices`` has it."""
+    return matrices(table, (column,), sets)[0]
 
 
 def interval_sample(table: pd.DataFrame) -> CrossedSample:
     """Tamping intervals [days] of one variant and scenario, censored at the horizon."""
-    return CrossedSample(matrix(table, INTERVAL), "d", matrix(table, CENSORED))
+    days, ends = matrices(table, (INTERVAL, CENSORED))
+    return CrossedSample(days, "d", ends)
 
 
-def effect_sample(table: pd.DataFrame, metric: str, unit: str, own: pd.DataFrame) -> CrossedSample:
-    """A paired effect; of a pair with a censored interval nothing is known.
+def effect_samples(
+    table: pd.DataFrame, units: Mapping[str, str], sets: np.ndarray
+) -> dict[str, CrossedSample]:
+    """Paired effects by metric, in ``units``; of a pair with a censored interval nothing is known.
 
-    ``table`` has the pairs of which neither failed; ``own`` all rows.
+    ``table`` has the pairs of which neither failed; ``sets`` [E] are those of the run.
     """
-    values = matrix(table, metric, own)
-    paired = ~np.isnan(matrix(table.assign(paired=1.0), "paired", own))
-    return CrossedSample(values, unit, np.where(paired & np.isnan(values), -np.inf, np.nan))
+    found = matrices(table, (*units, np.ones(len(table))), sets)
+    paired = ~np.isnan(found.pop())
+    return {
+        metric: CrossedSample(values, unit, np.where(paired & np.isnan(values), -np.inf, np.nan))
+        for (metric, unit), values in zip(units.items(), found, strict=True)
+    }

@@ -6,6 +6,7 @@ from mcsettle.estimate.estimate import Estimate, Statistic
 from mcsettle.estimate.sample import summarise_effects
 from mcsettle.study.effects import StudyEffect
 from mcsettle.summary.results import CENSORED, INTERVAL, Results
+from mcsettle.summary.samples import beside, floats
 from mcsettle.summary.summary import SummaryRow
 
 SHORTENS = "interval_shortens"
@@ -29,12 +30,13 @@ def sign_rows(results: Results) -> list[SummaryRow]:
     table = results.sign_split
     if table.empty:
         return []
+    keys = ["variant", "scenario", "baseline"]
+    of_pair = dict(iter(table.groupby(keys, sort=False, observed=True)))
     rows = []
     for variant in results.study.variant_names:
         for effect in results.study.effects.values():
-            pair = (table["scenario"] == effect.scenario) & (table["baseline"] == effect.baseline)
-            own = table[(table["variant"] == variant) & pair]
-            if own.empty:
+            own = of_pair.get((variant, effect.scenario, effect.baseline))
+            if own is None:
                 continue
             for metric, column, unit in SIGNS:
                 values = own[column].to_numpy(dtype=float, na_value=np.nan)
@@ -58,18 +60,15 @@ def shortening(results: Results, variant: str, scenario: str, baseline: str) -> 
 
     Limits are its least and largest value, censored pairs being unknown; no value where they differ.
     """
-    keys = ["parameter_set", "realisation"]
     base, other = (
-        results.part("realisations", variant, name).set_index(keys)[["status", INTERVAL, CENSORED]]
-        for name in (baseline, scenario)
+        table[table["status"] != "failed"]
+        for table in (results.part("realisations", variant, n) for n in (baseline, scenario))
     )
-    pairs = base.join(other.add_suffix("_other"))
-    pairs = pairs[(pairs["status"] != "failed") & (pairs["status_other"] != "failed")]
-    names = (INTERVAL, CENSORED, f"{INTERVAL}_other", f"{CENSORED}_other")
-    days, end, other_days, other_end = (
-        pairs[name].to_numpy(dtype=float, na_value=np.nan) for name in names
-    )
-    n, unknown = len(pairs), int(np.sum(np.isnan(days) | np.isnan(other_days)))
+    days, end = floats(base, INTERVAL), floats(base, CENSORED)
+    other_days, other_end = beside(base, other, (INTERVAL, CENSORED))
+    paired = ~np.isnan(other_days) | ~np.isnan(other_end)
+    days, end, other_days, other_end = (v[paired] for v in (days, end, other_days, other_end))
+    n, unknown = len(days), int(np.sum(np.isnan(days) | np.isnan(other_days)))
     if n == 0:
         return Estimate(None, None, None, None, 0, 0, "1", "no pairs")
     least = np.nan_to_num(other_days, nan=np.inf) < np.where(np.isnan(days), end, days)

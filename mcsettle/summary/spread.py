@@ -50,19 +50,17 @@ def effect_spread(
     study: Study,
     members: Sequence[ParameterSet],
     effect: StudyEffect,
-    own: pd.DataFrame,
+    sides: Sequence[pd.DataFrame],
     effects: Mapping[str, CrossedSample],
 ) -> dict[str, list[Statistic]]:
     """Split, indices, lines, pairing gain and cost at the mean interval, by metric.
 
-    ``own`` are the rows of one variant, ``effects`` its paired effects by metric.
+    ``sides`` are the rows of baseline and scenario in one variant, ``effects`` its paired effects by
+    metric.
     """
-    base, other = (
-        matrix(own[own["scenario"] == name], INTERVAL)
-        for name in (effect.baseline, effect.scenario)
-    )
+    base, other = (matrix(own, INTERVAL) for own in sides)
     statistics = {
-        metric: list(_split(study, members, own, effects[metric]))
+        metric: list(_split(study, members, sides[0], effects[metric]))
         for metric in ("reduction_percent", "marginal_cost")
         if not _is_identity(effects[metric].values)
     }

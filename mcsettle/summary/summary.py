@@ -25,7 +25,14 @@ from mcsettle.study.schema.published import ReferenceTable
 from mcsettle.study.study import Study
 from mcsettle.summary.courses import courses
 from mcsettle.summary.results import INTERVAL, Results
-from mcsettle.summary.samples import effect_sample, interval_sample, matrix
+from mcsettle.summary.samples import (
+    beside,
+    effect_samples,
+    floats,
+    interval_sample,
+    matrices,
+    matrix,
+)
 from mcsettle.summary.spread import effect_spread, interval_spread
 from mcsettle.units import DAYS_PER_YEAR
 
@@ -103,8 +110,9 @@ def _rows_of(
         given = [*conditioned.interval_statistics(), *spread(conditioned)]
         row = replace(row, conditioned=_renamed(given))
     sound = table[table["status"] != "failed"]
-    days = sound[INTERVAL].fillna(np.inf)  # a censored one lies above any published value
-    yield _with_reference(results, row, sound.assign(values=days), weights)
+    # A censored interval lies above any published value.
+    days = np.nan_to_num(floats(sound, INTERVAL), nan=np.inf, posinf=np.inf)
+    yield _with_reference(results, row, sound, days, weights)
     yield from _growth_rows(results, variant, scenario, sound, weights)
     for effect in results.study.effects.values():
         if effect.scenario == scenario:
@@ -140,41 +148,45 @@ def _growth_rows(
 ) -> Iterator[SummaryRow]:
     """Growth of the SD [mm] after a year and after the days the reference gives."""
     own = input_column("limit.sd_limit_mm")  # where it differs between parameter sets
-    limit = table.get(own, results.study.limit.sd_limit_mm)
-    table = table.assign(to_limit=(limit - table["sd_initial_mm"]).astype(float))
-    yield _growth_row(results, (variant, scenario, GROWTH), table, GROWTH, weights)
+    limit = floats(table, own) if own in table else results.study.limit.sd_limit_mm
+    start = floats(table, "sd_initial_mm")
+    growth, to_limit = floats(table, GROWTH), limit - start
+    yield _growth_row(results, (variant, scenario, GROWTH), table, (growth, to_limit), weights)
     published = _reference(results.study, INTERVAL, scenario)
     history = results.part("history", variant, scenario)
     if published is None or history.empty:
         return
-    keys = ["parameter_set", "realisation"]
-    then = history[history["day"] == published.value].set_index(keys)["sd_mm"]
-    start = table.set_index(keys)["sd_initial_mm"]
-    growth = (then.reindex(start.index) - start).to_numpy(dtype=float)
+    (then,) = beside(table, history[history["day"] == published.value], ["sd_mm"])
+    growth = then - start
     if np.all(np.isnan(growth)):
         return
-    metric = f"sd_growth_{published.value:g}d_mm"
-    key = (variant, scenario, metric)
-    yield _growth_row(results, key, table.assign(growth=growth), "growth", weights)
+    key = (variant, scenario, f"sd_growth_{published.value:g}d_mm")
+    yield _growth_row(results, key, table, (growth, to_limit), weights)
 
 
 def _growth_row(
     results: Results,
     key: tuple[str, str, str],
     table: pd.DataFrame,
-    column: str,
+    numbers: tuple[np.ndarray, np.ndarray],
     weights: Weights,
 ) -> SummaryRow:
-    early = column == GROWTH and results.study.limit.horizon_days < DAYS_PER_YEAR
+    """``numbers``: growth of every row of ``table``, and what was left to its limit at the start [mm]."""
+    growth, to_limit = numbers
+    in_a_year = key[2] == GROWTH
+    early = in_a_year and results.study.limit.horizon_days < DAYS_PER_YEAR
     note = "the horizon comes before day 365" if early else "the limit comes first"
     # Where the limit came first, growth is censored at the limit.
-    table = table.assign(end=table["to_limit"].where(table[column].isna(), np.nan))
-    values, ends = (matrix(table, name, results.realisations) for name in (column, "end"))
+    end = np.where(np.isnan(growth), to_limit, np.nan)
+    values, ends = matrices(table, (growth, end), results.sets)
     sample = CrossedSample(values, "mm", ends)
     row = SummaryRow(*key, "mm", _noted(sample, note))
     if weights is not None:
         row = replace(row, conditioned=_renamed(_noted(sample.weighted(weights), note)))
-    return _with_reference(results, row, table.assign(values=table[column]), weights)
+    published = _reference(results.study, row.metric, row.scenario)
+    if in_a_year and published is not None:  # growth to the limit and beyond lies above it
+        growth = np.where(end > published.value, np.inf, growth)
+    return _with_reference(results, row, table, growth, weights)
 
 
 def _noted(growth: CrossedSample, note: str) -> tuple[Statistic, ...]:
@@ -222,19 +234,16 @@ def _effect_rows(
     table = table[~table["status"].isin(["failed", "at_limit"])]
     if table.empty:
         return
-    own = results.of_variant(variant)
+    sides = [results.part("realisations", variant, n) for n in (effect.baseline, scenario)]
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": effect.change.unit}
-    samples = {
-        metric: effect_sample(table, metric, unit, results.realisations)
-        for metric, unit in units.items()
-    }
+    samples = effect_samples(table, units, results.sets)
 
     def spreads(effects: Mapping[str, CrossedSample]) -> dict[str, list[Statistic]]:
-        return effect_spread(results.study, results.members, effect, own, effects)
+        return effect_spread(results.study, results.members, effect, sides, effects)
 
     conditioned: dict[str, CrossedSample] = {}
     if weights is not None:
-        priced = as_interval(weights, cost_exponent(results.study, own, effect.baseline))
+        priced = as_interval(weights, cost_exponent(results.study, matrix(sides[0], INTERVAL)))
         of_metric = {"marginal_cost": priced}
         conditioned = {m: s.weighted(of_metric.get(m, weights)) for m, s in samples.items()}
     spread, given = spreads(samples), spreads(conditioned) if conditioned else {}
@@ -248,35 +257,29 @@ def _effect_rows(
         if conditioned:
             statistics = [*conditioned[metric].effect_statistics(), *given.get(metric, ())]
             row = replace(row, conditioned=_renamed(statistics))
-        yield _with_reference(results, row, table.assign(values=table[metric]), weights)
+        yield _with_reference(results, row, table, floats(table, metric), weights)
 
 
-def cost_exponent(study: Study, own: pd.DataFrame, baseline: str) -> float:
-    """The power of the intervals that marginal costs go as, at the median interval of the baseline."""
+def cost_exponent(study: Study, baseline: np.ndarray) -> float:
+    """The power of the intervals that marginal costs go as, at the median of the ``baseline`` days."""
     prices = study.economics
-    if prices is None:
+    if prices is None or np.all(np.isnan(baseline)):
         return 0.0
-    days = own.loc[own["scenario"] == baseline, INTERVAL].median()
-    if not np.isfinite(days):
-        return 0.0
-    return economics.cost_exponent(prices.discount_rate, float(days) / DAYS_PER_YEAR)
+    years = float(np.nanmedian(baseline)) / DAYS_PER_YEAR
+    return economics.cost_exponent(prices.discount_rate, years)
 
 
 def _with_reference(
-    results: Results, row: SummaryRow, table: pd.DataFrame, weights: Weights
+    results: Results, row: SummaryRow, table: pd.DataFrame, values: np.ndarray, weights: Weights
 ) -> SummaryRow:
-    """The row with the published value and where it falls among the column ``values``.
+    """The row with the published value and where it falls among ``values``, those of ``table``'s rows.
 
-    Growth to the limit and beyond lies above a published growth below it; of a censored pair's effect
-    nothing is known, and the share is of the others.
+    Of a censored pair's effect nothing is known, and the share is of the others.
     """
     published = _reference(results.study, row.metric, row.scenario, row.baseline)
     row = replace(row, reference=published)
     if published is None:
         return row
-    values = table["values"].to_numpy(dtype=float, na_value=np.nan)
-    if row.metric == GROWTH:
-        values = np.where(np.isnan(values) & (table["to_limit"] > published.value), np.inf, values)
     known = ~np.isnan(values)
     if not np.any(known):
         return row

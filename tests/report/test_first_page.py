@@ -8,10 +8,10 @@ import made_run
 import numpy as np
 import pytest
 
-from mcsettle.report.first_page import first_page, scope
+from mcsettle.report.first_page import first_page
 from mcsettle.report.material import Material
 from mcsettle.report.page import Page
-from mcsettle.report.price_words import question
+from mcsettle.report.price_words import question, scope
 from mcsettle.report.render import html
 from mcsettle.storage.provenance import read_provenance
 from mcsettle.study.study import Study, load_study
@@ -32,7 +32,8 @@ def first_screen(folder: Path) -> str:
     results = read_results(folder)
     material = Material(results, (), answers(results), read_provenance(folder))
     asked = question(material.answers)
-    text = html(Page(results.study.title, asked, scope(material), first_page(material), ()))
+    size = scope(results, material.answers)
+    text = html(Page(results.study.title, asked, size, first_page(material), ()))
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text.split("<nav")[0].split("<main")[1]))
 
 

@@ -11,6 +11,7 @@ from mcsettle.economics import highest_costs, paired_effects, tonnage_change
 from mcsettle.estimate.resampling import SetWeights
 from mcsettle.summary.answers import _interval, answers, counted_forms
 from mcsettle.summary.results import read_results
+from mcsettle.summary.samples import interval_sample
 
 DAYS = np.linspace(500.0, 900.0, 41)
 
@@ -103,6 +104,6 @@ def test_a_set_that_failed_altogether_takes_no_weight_from_the_others() -> None:
         censored_at_days=np.nan,
         mean_settlement_mm=1.0,
     )
-    found = _interval(table, SetWeights(np.array([0.0, 0.5, 0.5])))
+    found = _interval(table, interval_sample(table), SetWeights(np.array([0.0, 0.5, 0.5])))
     assert found.median.value == 510.0
     assert found.half == (500.0, 520.0)

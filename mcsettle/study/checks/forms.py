@@ -12,7 +12,7 @@ from mcsettle.railway.spatial_variability import (
     SpatialVariability,
     field_waves,
     negative_share,
-    susceptibility,
+    refuse_unreachable,
 )
 from mcsettle.railway.spectra import spectrum
 from mcsettle.railway.track import BallastLaw, Track
@@ -219,7 +219,7 @@ def _field(
             )
             yield Fault(f"{path}.layers", said)
         try:
-            susceptibility(settings, waves, 1, [0], settling, np.array([own_sd]))
+            refuse_unreachable(waves, scale * settings.cov)
         except InputError as error:
             yield Fault(f"{path}.cov", str(error))
         return
