@@ -51,7 +51,7 @@ def assumptions(study: Study, variant: str) -> dict[str, str]:
         "rail": _rail(study, variant),
         "cycles": _cycles(settings.cycles, settings.equivalence_exponent),
         "long run": "" if long_run is None else f"faster from {long_run:g} cycles",
-        "vehicles": "vehicles of its own" if table.trains or table.load_per_rail else "",
+        "vehicles": "own vehicles" if table.trains or table.load_per_rail else "",
         "spectrum": f"{spectrum.replace('_', ' ')} spectrum",
     }
 

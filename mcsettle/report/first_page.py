@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import narrowed_by, stress_remarks
 from mcsettle.report.charging import by_unit
-from mcsettle.report.form_bars import MOST_LINES, form_bars
+from mcsettle.report.form_bars import MOST_LINES, MOST_TOLD, form_bars
 from mcsettle.report.material import Material
 from mcsettle.report.money import symbol
 from mcsettle.report.page import Block, Bullets, Columns, Lead, Table, Text
@@ -13,7 +13,6 @@ from mcsettle.report.price_words import answer_sentence, changes_of, span, tampe
 from mcsettle.report.words import cut
 from mcsettle.summary.answers import Answers
 
-MOST_TOLD = 4  # scenarios told in sentences
 MOST_NARROWING = 3  # things to measure
 
 
@@ -25,16 +24,13 @@ def first_page(material: Material) -> tuple[Block, ...]:
     for scenario in told:
         text, verdict, reason = answer_sentence(answers, scenario, material.miles)
         blocks.append(Lead(text, cut(scenario, 30), material.tint(scenario), verdict, reason))
-    more = len(answers.summaries) - len(told)
-    if more > 0:
-        blocks.append(Text(f"{more} more scenarios under Prices by model form.", "note"))
     if answers.summaries:
         shown = by_unit(material.study, shown_scenarios(answers), material.miles)
         blocks += [form_bars(material, names) for names in shown]
     stands = Bullets(tuple(_rests_on(material)), "What it rests on")
     if answers.summaries:
         told_of = (*_price_of(material), *stands.entries)
-        stands = Bullets(told_of, "What the price is, and rests on")
+        stands = Bullets(told_of, "What stands behind it")
     narrowing = Bullets(tuple(narrowed_by(answers))[:MOST_NARROWING], "What would narrow it")
     shown = (interval_table(material), stands, narrowing)
     columns = tuple((part,) for part in shown if not isinstance(part, Bullets) or part.entries)

@@ -24,6 +24,7 @@ from mcsettle.report.words import cut
 Place = Callable[[float], float]  # from a price to per cent of the axis
 
 MOST_LINES = 12  # bars of the first page
+MOST_TOLD = 4  # scenarios told in sentences
 MARGIN = 0.06  # of the axis, on either side
 
 
@@ -57,10 +58,10 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
         "model form", "price", "line mean (95 %)", "sections, P5 to P95", "interval", "sign",
     )  # fmt: skip
     ringed = any(bar.published is not None for row in rows for bar in row.bars)
-    of = f" for {scenarios[0]}" if len(scenarios) == 1 else ""
+    of = f" of {scenarios[0]}" if len(scenarios) == 1 else ""
     axis = f"price, {money} per {label}"
     return Bars(
-        caption=f"What the choice of model moves{of}: {axis}",
+        caption=f"Price{of} in every model form, {money} per {label}",
         axis=axis,
         head=head,
         zero=place(0.0),
@@ -69,9 +70,15 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
         alt=f"P{axis[1:]}: "
         + "; ".join(f"{row.title} {bar.label} {bar.cells[0]}" for row in rows for bar in row.bars),
         note="Each form says what it assumes otherwise than the first. Dot and bar: mean of the line and "
-        f"its 95 % interval{'; ring: published' if ringed else ''}. Cost, saving: 95 % of the sections agree "
-        "that the interval shortens, lengthens; open: the share that shortens.",
+        f"its 95 % interval{'; ring: published' if ringed else ''}. Cost, saving: 95 % of the sections "
+        f"shorten, lengthen their interval; open: the share that shortens.{_more(material)}",
     )
+
+
+def _more(material: Material) -> str:
+    """Where the scenarios are that the first page does not tell of."""
+    more = len(material.answers.summaries) - MOST_TOLD
+    return f" {more} more scenarios under Prices by model form." if more > 0 else ""
 
 
 def _units(material: Material, scenarios: list[str]) -> tuple[str, str, dict[str, PriceUnit]]:
