@@ -32,9 +32,8 @@ def first_page(material: Material) -> tuple[Block, ...]:
         told_of = (*_price_of(material), *stands.entries)
         stands = Bullets(told_of, "What stands behind it")
     narrowing = Bullets(tuple(narrowed_by(answers))[:MOST_NARROWING], "What would narrow it")
-    shown = (interval_table(material), stands, narrowing)
-    columns = tuple((part,) for part in shown if not isinstance(part, Bullets) or part.entries)
-    return (*blocks, Columns(columns))
+    lists = [part for part in (stands, narrowing) if part.entries]
+    return (*blocks, Columns(((interval_table(material),), *((part,) for part in lists))))
 
 
 def shown_scenarios(answers: Answers) -> list[str]:
