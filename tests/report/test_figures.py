@@ -18,7 +18,7 @@ from mcsettle.report.figures.results import Fan, fan_figure
 from mcsettle.report.figures.section import section_figure, section_view, softening_figure
 from mcsettle.report.figures.slice import DeflectionSlice, slice_figure
 from mcsettle.report.figures.stress import along_figure, depth_figure, table4_figure
-from mcsettle.report.figures.style import save
+from mcsettle.report.figures.style import log_labels, save
 from mcsettle.report.figures.vehicles import VehiclePeaks, vehicles_figure
 
 X = np.linspace(0.0, 200.0, 41)
@@ -131,3 +131,19 @@ def test_a_limit_that_no_track_comes_near_does_not_press_the_curves(last, drawn)
     axes = fan_figure([Fan("line", days, quantiles, 0.05)], 10.0).axes[0]
     assert bool(axes.get_ylim()[1] > 10.0) is drawn
     assert [t.get_text() for t in axes.texts] == ["limit" if drawn else "limit: 10 mm, above"]
+
+
+@pytest.mark.parametrize("ends", [(0.9, 1.1), (3.0, 4.5), (2.2, 4.8), (3.0, 70.0), (1e-9, 1e-3)])
+def test_a_log_axis_has_two_labels_at_least(ends: tuple[float, float]) -> None:
+    figure = Figure()
+    axes = figure.subplots()
+    axes.set(yscale="log", ylim=ends)
+    log_labels(axes.yaxis)
+    figure.draw_without_rendering()
+    shown = [
+        label.get_text()
+        for place, label in zip(axes.get_yticks(), axes.get_yticklabels(), strict=True)
+        if ends[0] <= place <= ends[1] and label.get_text()
+    ]
+    assert len(set(shown)) >= 2
+    assert len(shown) <= 8

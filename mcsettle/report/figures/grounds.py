@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from mcsettle.report.figures.style import COLOURS, GREY, note, styled
+from mcsettle.report.figures.style import COLOURS, GREY, log_labels, note, styled
 from mcsettle.units import DAYS_PER_YEAR
 
 if TYPE_CHECKING:
@@ -34,9 +33,7 @@ def grounds_figure(report: "GroundReport") -> Figure:
     cost.set(yscale="log", ylabel=f"present cost, Eq. (4)\n[1000 {report.study.currency}/track-km]")
     cost.legend(loc="upper right")
     for axes in (days, cost):
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        log_labels(axes.yaxis)
     unknown.bar(place, [100.0 * (1.0 - row.known) for row in rows], color=GREY, width=0.8)
     unknown.set(ylabel="not known [%]", ylim=(0.0, 100.0))
     unknown.set_xticks(place, [row.segment for row in rows], rotation=90, fontsize=6)

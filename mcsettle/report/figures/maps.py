@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from mcsettle.analysis.stress_under_train import StressAlong
 from mcsettle.report.figures.results import WIDTH, frame
-from mcsettle.report.figures.style import GREY, MAP, styled
+from mcsettle.report.figures.style import GREY, MAP, LogTicks, styled
 from mcsettle.units import KN, KPA, MM
 
 
@@ -26,8 +26,7 @@ def force_figure(forces: Sequence[tuple[str, np.ndarray]], wavelengths: np.ndarr
             wavelengths, np.arange(1, len(values) + 1), values, cmap=MAP, rasterized=True,
             shading="nearest", norm=LogNorm(low, float(values.max())),
         )  # fmt: skip
-        bar = figure.colorbar(picture, ax=axes, label="kN per mm", ticks=LogLocator(subs=(1, 2, 5)),
-                              format=FormatStrFormatter("%g"))  # fmt: skip
+        bar = figure.colorbar(picture, ax=axes, label="kN per mm", ticks=LogTicks(), format="%g")
         bar.ax.yaxis.set_minor_formatter(NullFormatter())
         axes.set(ylabel="axle, from the front")
         axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))

@@ -3,11 +3,18 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogFormatter, ScalarFormatter
 
 from mcsettle.analysis.profile import EN_CLASSES, ProfileReport
 from mcsettle.railway.spectra import GERMAN_ROUGHNESS, fra, german, spectrum
-from mcsettle.report.figures.style import COLOURS, GREY, legend_outside, look, note, styled
+from mcsettle.report.figures.style import (
+    COLOURS,
+    GREY,
+    legend_outside,
+    log_labels,
+    look,
+    note,
+    styled,
+)
 
 MOST_POINTS = 4000  # drawn of a record
 
@@ -51,9 +58,8 @@ def _spectrum(axes: Axes, report: ProfileReport) -> None:
                 label=f"measured, mean of {len(report.sd)} sections")  # fmt: skip
     best = next(fit for fit in report.fits if fit.shape == "fra")
     axes.loglog(wavelength, fra(k, best.roughness), label="FRA shape, fitted", **look(1))
-    axes.xaxis.set_major_formatter(ScalarFormatter())
-    axes.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.6)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0e}"))
+    log_labels(axes.xaxis)
+    log_labels(axes.yaxis)
     axes.set(xlabel="wavelength [m]", ylabel="one-sided spectrum [m²/(rad/m)]", title="Spectrum")
     legend_outside(axes)
 

@@ -12,7 +12,10 @@ from pathlib import Path
 from typing import Any, ParamSpec
 
 import matplotlib
+import numpy as np
+from matplotlib import ticker
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from mcsettle.storage.marks import NO_STUDY, write_marked
@@ -77,6 +80,33 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 def look(index: int) -> dict[str, Any]:
     """Colour and dash of the line number ``index``."""
     return {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)]}
+
+
+class LogTicks(ticker.Locator):
+    """Ticks of a log axis, two at least: decades, else 1, 2 and 5, else evenly spaced."""
+
+    def __call__(self) -> np.ndarray:
+        """Ticks of what the axis shows."""
+        assert self.axis is not None
+        return self.tick_values(*self.axis.get_view_interval())
+
+    def tick_values(self, vmin: float, vmax: float) -> np.ndarray:
+        """Ticks between two values."""
+        low, high = sorted((vmin, vmax))
+        for subs, least in (((1.0,), 3), ((1.0, 2.0, 5.0), 2)):
+            ticks = np.asarray(ticker.LogLocator(subs=subs).tick_values(low, high))
+            inside = ticks[(ticks >= low) & (ticks <= high)]
+            if len(inside) >= least:
+                return inside
+        even = np.asarray(ticker.MaxNLocator(4).tick_values(low, high))
+        return even[(even >= low) & (even <= high)]
+
+
+def log_labels(axis: Axis) -> None:
+    """Let every tick of a log axis be labelled, and two at least be there."""
+    axis.set_major_locator(LogTicks())
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(ticker.NullFormatter())
 
 
 def note(figure: Figure, text: str) -> None:
