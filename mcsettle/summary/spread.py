@@ -65,10 +65,10 @@ def effect_spread(
         if not _is_identity(effects[metric].values)
     }
     cost = effects["marginal_cost"]
+    if not cost.mostly_known:
+        return statistics  # the known pairs are the short-lived ones: nothing of the line's
     if cost.weights is None:  # a matter of the design, not of what is known of the line
         statistics.setdefault("reduction_percent", []).extend(_pairing(base, other))
-    if not cost.mostly_known:
-        return statistics  # the known pairs are the short-lived ones: their mean is not the line's
     missing = int(np.sum(np.isnan(cost.values)))
     cost = replace(cost, note="censored pairs left out" if missing else "")
     at_mean = Estimate(

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, ParamSpec
 
 import matplotlib
-import numpy as np
 from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -85,21 +84,21 @@ def look(index: int) -> dict[str, Any]:
 class LogTicks(ticker.Locator):
     """Ticks of a log axis, two at least: decades, else 1, 2 and 5, else evenly spaced."""
 
-    def __call__(self) -> np.ndarray:
+    def __call__(self) -> Sequence[float]:
         """Ticks of what the axis shows."""
         assert self.axis is not None
         return self.tick_values(*self.axis.get_view_interval())
 
-    def tick_values(self, vmin: float, vmax: float) -> np.ndarray:
+    def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
         """Ticks between two values."""
         low, high = sorted((vmin, vmax))
         for subs, least in (((1.0,), 3), ((1.0, 2.0, 5.0), 2)):
-            ticks = np.asarray(ticker.LogLocator(subs=subs).tick_values(low, high))
-            inside = ticks[(ticks >= low) & (ticks <= high)]
+            ticks = ticker.LogLocator(subs=subs).tick_values(low, high)
+            inside = [float(tick) for tick in ticks if low <= tick <= high]
             if len(inside) >= least:
                 return inside
-        even = np.asarray(ticker.MaxNLocator(4).tick_values(low, high))
-        return even[(even >= low) & (even <= high)]
+        even = ticker.MaxNLocator(4).tick_values(low, high)
+        return [float(tick) for tick in even if low <= tick <= high]
 
 
 def log_labels(axis: Axis) -> None:
