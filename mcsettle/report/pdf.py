@@ -85,8 +85,10 @@ def print_pdf(text: str) -> bytes:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as tool:
         path = Path(folder) / "report.html"
         path.write_text(text, encoding="utf-8")
-        program = tool.chromium.launch(**launch_options(browser))
+        # Without time limits: on a busy machine a large page may take a minute.
+        program = tool.chromium.launch(**launch_options(browser), timeout=0)
         page = program.new_page()
+        page.set_default_timeout(0)
         page.goto(path.as_uri())
         page.evaluate("document.querySelectorAll('details').forEach(part => part.open = true)")
         content = page.pdf(
