@@ -12,20 +12,21 @@ import io
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from mcsettle.estimate.rounding import NOT_REACHED, decimals, is_error, number, with_error
 from mcsettle.report.words import percentile
 from mcsettle.summary.answers import answers
 from mcsettle.summary.results import Results, read_results
-from mcsettle.summary.summary import SummaryRow, summary_rows
+from mcsettle.summary.summary import summary_rows
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLES = ROOT / "docs" / "tables"
 MEDIAN = ("p50", "error", "p50_low", "p50_high")
 NUMBERS = ("p5", *MEDIAN, "p95", "mean", "mean_low", "mean_high", "published")
-COLUMNS = ("variant", "scenario", "metric", *NUMBERS, "at", "n", "factor")
+OTHERS = ("at", "n", "factor", "settles", "shortens", "sign")
+COLUMNS = ("variant", "scenario", "metric", *NUMBERS, *OTHERS)
 METRICS = {
     "tamping_interval_days": "days",
     "sd_growth_1y_mm": "SD growth in a year, mm",
@@ -38,22 +39,32 @@ _BLOCK = re.compile(r"(<!-- table (\w+)((?: \w+)*) -->\n).*?(<!-- end of table -
 _PLACE = re.compile(r"\{([^}]*)\}")
 _NUMBER = r"[−-]?\d+(?:\.\d+)?"
 
-EXTREMES = {"lowest": min, "highest": max}
+# In the place of a variant: of all the model forms.
+OVER_FORMS: dict[str, Callable[[list[float]], float]] = {
+    "lowest": min,
+    "highest": max,
+    "settled": lambda signs: sum(sign != 0.0 for sign in signs),
+    "forms": len,
+}
 
 Table = dict[tuple[str, str, str], dict[str, str]]
 
 
 def table_of(results: Results) -> str:
-    """The CSV text of a run: quantiles, error, line mean, published value of every metric."""
+    """The CSV text of a run: quantiles, error, line mean, published value of every metric.
+
+    ``settles`` the median uniform settlement at the end [mm], ``shortens`` the least share of the
+    sections whose interval shortens [%], ``sign`` 1, −1 or 0 where it is not settled.
+    """
     study, prices = results.study, answers(results).effects
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
     for row in summary_rows(results):
-        if row.metric not in METRICS:
+        if row.metric not in METRICS and not row.metric.startswith("sd_growth_"):
             continue
-        effect = prices.get((row.variant, row.name)) if row.metric == "marginal_cost" else None
-        mean = None if effect is None else effect.price
+        effect = prices.get((row.variant, row.name))
+        mean = effect.price if effect is not None and row.metric == "marginal_cost" else None
         middle = row.at(0.5)
         values = [
             *(row.at(0.05).value, middle.value, middle.standard_error),
@@ -64,12 +75,13 @@ def table_of(results: Results) -> str:
         cells = ["" if v is None else f"{v:.6g}" for v in values]
         factor = study.settlement_settings(row.variant).settlement_factor
         key = (row.variant, row.name, row.metric)
-        writer.writerow([*key, *cells, percentile(row), _tracks(results, row), f"{factor:g}"])
+        tracks, others = results.part("realisations", row.variant, row.scenario), ["", "", ""]
+        if row.metric == "tamping_interval_days":
+            others[0] = f"{tracks['mean_settlement_mm'].median():.6g}"
+        if effect is not None and row.metric == "reduction_percent":
+            others[1:] = [f"{100.0 * effect.shortens[0]:.6g}", str(effect.sign)]
+        writer.writerow([*key, *cells, percentile(row), len(tracks), f"{factor:g}", *others])
     return stream.getvalue()
-
-
-def _tracks(results: Results, row: SummaryRow) -> int:
-    return len(results.part("realisations", row.variant, row.scenario))
 
 
 def read_table(name: str) -> Table:
@@ -86,7 +98,7 @@ def markdown(name: str, variants: Sequence[str]) -> str:
 
 def _variants(table: Table, variants: Sequence[str]) -> Iterator[str]:
     for variant in variants:
-        rows = [row for key, row in table.items() if key[0] == variant]
+        rows = [row for key, row in table.items() if key[0] == variant and key[2] in METRICS]
         yield (
             f"\n**`{variant}`** ({rows[0]['n']} realisations per scenario, settlement factor "
             f"{rows[0]['factor']})\n"
@@ -122,8 +134,8 @@ def quotes() -> list[dict[str, str]]:
 def filled(text: str) -> str:
     """``text`` with its numbers: ``{NAME VARIANT SCENARIO METRIC COLUMN DECIMALS}`` in each place.
 
-    A minus before the column turns the sign; of ``at`` it is the percentile; the variants ``lowest`` and
-    ``highest`` are the least and the largest over all that have a line mean.
+    A minus before the column turns the sign; of ``at`` it is the percentile.
+    ``OVER_FORMS`` has what may stand for the variant: least and largest, signs that are settled, forms.
     """
     return _PLACE.sub(lambda place: _quoted(place[1]), text)
 
@@ -133,9 +145,9 @@ def _quoted(place: str) -> str:
     table, key = read_table(name), column.lstrip("-")
     if key == "at":  # "P11 (10–12)", where the values of some are not known
         return table[variant, scenario, metric][key].split()[0].lstrip("P")
-    if variant in EXTREMES:
+    if variant in OVER_FORMS:
         cells = (row[key] for place, row in table.items() if place[1:] == (scenario, metric))
-        value: float | None = EXTREMES[variant](float(cell) for cell in cells if cell)
+        value: float | None = OVER_FORMS[variant]([float(cell) for cell in cells if cell])
     else:
         value = _value(table[variant, scenario, metric][key])
     if value is None:
