@@ -47,6 +47,7 @@ paper: study
 	$(BIN)/mcsettle report $(RESULTS)/traffic --markdown $(RESULTS)/traffic.md
 	$(BIN)/mcsettle run studies/charges.toml --out $(RESULTS)/charges
 	$(BIN)/python studies/paper_tables.py $(RESULTS)/linespeed $(RESULTS)/traffic $(RESULTS)/charges
+	$(BIN)/python studies/gallery.py
 
 # Two workers; a file's tests stay with one, since they share what its fixtures have run.
 WORKERS ?= 2

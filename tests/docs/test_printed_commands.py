@@ -5,7 +5,8 @@ the installed command and ``MCSETTLE_REALISATIONS``. In the page, a comment in t
 
 * ``<!-- before: COMMAND -->``: what the reader has done by then;
 * ``<!-- exit code N -->``: the block shows what ends so;
-* ``<!-- not run: REASON -->``: why no test runs it.
+* ``<!-- not run: REASON -->``: why no test runs it; ``<!-- left to studies/gallery.py: REASON -->``:
+  that script runs it, no test.
 """
 
 import os
@@ -44,7 +45,9 @@ PAGES = sorted(
     for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md"), ROOT / "studies/README.md")
 )
 FENCE = re.compile(r"^```(console|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-COMMENT = re.compile(r"<!-- (before|exit code|not run):? ?(.+?) -->\n*\Z")
+COMMENT = re.compile(
+    r"<!-- (before|exit code|not run|left to studies/gallery.py):? ?(.+?) -->\n*\Z"
+)
 HINT = re.compile(r"\b(?:Next|As a page|Every number): (mcsettle [^,\n]+)")
 INLINE = re.compile(r"`(mcsettle [a-z][^`]*)`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
@@ -82,10 +85,10 @@ def blocks(page: str) -> Iterator[Block]:
             above = above[: comment.start()]
             if comment[1] == "before":
                 block.before.insert(0, comment[2])
-            elif comment[1] == "not run":
-                block.reason = comment[2]
-            else:
+            elif comment[1] == "exit code":
                 block.exit_code = int(comment[2])
+            else:
+                block.reason = comment[2]
         yield block
 
 
