@@ -138,15 +138,15 @@ class SteppedGrowth:
         sd = np.empty((len(rows), len(NODES), len(COARSE), SAMPLES), dtype=np.float32)
         top = np.nanmax(np.concatenate([history.sd[rows].ravel(), history.sd_limit[rows]]))
         top = 1.5 * top + ABOVE * history.sd_error
-        for at, scene, age in self._kinds(rows, start):
-            engine = self._engine(scene, age, top, 1.001 * horizon)
+        for at, scene in self._kinds(rows):
+            engine = self._engine(scene, top, 1.001 * horizon)
             profiles = start_profiles(scene, history, rows[at], start)
             per_batch = max(1, ROWS // (len(NODES) * len(COARSE)))
             for first in range(0, len(at), per_batch):
                 part = at[first : first + per_batch]
                 own = profiles[first : first + per_batch]
                 support = start_support(scene, history, rows[part], start)
-                sd[part] = _advanced(engine, history, rows[part], start, own, days, age, support)
+                sd[part] = _advanced(engine, history, rows[part], start, own, days, support)
         return SteppedCourses(days, sd)
 
     def carried(self, rows: np.ndarray, start: int, days: float, factors: np.ndarray) -> np.ndarray:
@@ -154,30 +154,25 @@ class SteppedGrowth:
         history = self.history
         top = MOST_GROWN * float(np.nanmax(history.sd[rows]))
         later = np.empty((len(rows), history.amplitudes.shape[2]), dtype=complex)
-        for at, scene, age in self._kinds(rows, start):
-            engine = self._engine(scene, age, top, days)
+        for at, scene in self._kinds(rows):
+            engine = self._engine(scene, top, days)
             profiles = start_profiles(scene, history, rows[at], start)
             support = start_support(scene, history, rows[at], start)
-            ground = np.full(len(at), age)
-            outcome = engine.run(profiles, np.zeros(0), factors[at], ground, support)
+            age = days_since_tamping(history, rows[at], start)
+            outcome = engine.run(profiles, np.zeros(0), factors[at], age, support, age)
             later[at] = outcome.amplitudes
         return later
 
-    def _kinds(self, rows: np.ndarray, start: int) -> Iterator[tuple[np.ndarray, Scene, float]]:
-        """Places among ``rows`` that share a scene and the days since their tamping."""
-        history, since = self.history, days_since_tamping(self.history, rows, start)
-        kinds = list(zip(history.variant[rows], history.scenario[rows], since, strict=True))
+    def _kinds(self, rows: np.ndarray) -> Iterator[tuple[np.ndarray, Scene]]:
+        """Places among ``rows`` that share a scene."""
+        kinds = list(zip(self.history.variant[rows], self.history.scenario[rows], strict=True))
         for kind in dict.fromkeys(kinds):
             at = np.array([place for place, other in enumerate(kinds) if other == kind])
-            yield at, self.scenes[kind[0], kind[1]], float(kind[2])
+            yield at, self.scenes[kind]
 
-    def _engine(self, scene: Scene, age: float, top: float, horizon: float) -> CycleJump:
-        """The engine of a kind of sections that were tamped ``age`` days before their start."""
-        case = build_case(scene, self.prepared)
-        model = case.model
-        cycles = age * case.timetable.passages_per_day * model.cycles_per_passage
-        model = replace(model, ballast_cycles_before=model.ballast_cycles_before + cycles)
-        case = replace(case, model=model, sd_limit=top, horizon=horizon)
+    def _engine(self, scene: Scene, top: float, horizon: float) -> CycleJump:
+        """The engine of all sections of a scene."""
+        case = replace(build_case(scene, self.prepared), sd_limit=top, horizon=horizon)
         known = self.forms.setdefault((scene.variant, scene.scenario), {})
         return CycleJump(case, tolerance=TOLERANCE, forms=known)
 
@@ -219,7 +214,6 @@ def _advanced(
     start: int,
     profiles: np.ndarray,
     days: np.ndarray,
-    age: float,
     support: Support,
 ) -> np.ndarray:
     """SDs [P, N, COARSE, H] m of sections from ``profiles`` [P, K] scaled to each start SD."""
@@ -230,8 +224,8 @@ def _advanced(
         (starts[:, :, None] * scaled[:, None, :])[:, :, None, :], (*shape, profiles.shape[1])
     ).reshape(-1, profiles.shape[1])
     factors = np.broadcast_to(np.exp(COARSE), shape).ravel()
-    ground = np.full(len(factors), age)
     places = np.repeat(np.arange(len(rows)), shape[1] * shape[2])
+    age = days_since_tamping(history, rows, start)[places]
     amplitudes = np.ascontiguousarray(amplitudes)
-    history_of = engine.run(amplitudes, days, factors, ground, support[places]).history
+    history_of = engine.run(amplitudes, days, factors, age, support[places], age).history
     return np.where(np.isnan(history_of), np.inf, history_of).reshape(*shape, len(days))

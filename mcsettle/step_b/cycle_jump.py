@@ -62,6 +62,7 @@ class CycleJump:
         factor: np.ndarray | None = None,
         ground_days: np.ndarray | None = None,
         support: Support = ALIKE,
+        ballast_days: np.ndarray | None = None,
     ) -> Outcome:
         """Run realisations until they reach the limit or the horizon.
 
@@ -73,6 +74,7 @@ class CycleJump:
         ground_days : [R] days of this traffic that sub-ballast and ground have had before day 0, while
             the ballast begins anew; default 0
         support : Support, where it varies along the track or from section to section
+        ballast_days : [R] days of this traffic that the ballast has had before day 0; default 0
 
         Returns
         -------
@@ -82,9 +84,10 @@ class CycleJump:
         factors = np.ones(n) if factor is None else np.asarray(factor, dtype=float)
         if support.factor is not None:
             factors = factors * support.factor
-        ground = np.zeros(n) if ground_days is None else ground_days
+        none = np.zeros(n)
+        gone = np.stack([none if d is None else d for d in (ground_days, ballast_days)], axis=1)
         samples = np.log1p(np.asarray(sample_days, dtype=float) / day_scale(case))
-        path, day = self._integrated([case], amplitudes, samples, factors, ground, support)
+        path, day = self._integrated([case], amplitudes, samples, factors, gone, support)
         ordered = len(case.timetable.services) > 1 and not case.is_split
         if ordered and path.reached.any():
             at = np.flatnonzero(path.reached)
@@ -94,7 +97,7 @@ class CycleJump:
                 path.state[at, :-1],
                 day[at],
                 self.measure,
-                ground[at],
+                gone[at],
                 support[at],
             )
         return self._outcome(case, amplitudes, path, day)
@@ -110,7 +113,7 @@ class CycleJump:
         rows = np.tile(np.arange(n), k)
         factors = np.ones(n) if support.factor is None else support.factor
         path, day = self._integrated(
-            cases, amplitudes[rows], np.zeros(0), factors[rows], np.zeros(n * k), support[rows]
+            cases, amplitudes[rows], np.zeros(0), factors[rows], np.zeros((n * k, 2)), support[rows]
         )
         parts = [slice(i * n, (i + 1) * n) for i in range(k)]
         return [
@@ -124,10 +127,13 @@ class CycleJump:
         amplitudes: np.ndarray,
         samples: np.ndarray,
         factors: np.ndarray,
-        ground_days: np.ndarray,
+        days_before: np.ndarray,
         support: Support,
     ) -> tuple[Path, np.ndarray]:
-        """Where realisations stop, and on which day [R]; those of one case after those of another."""
+        """Where realisations stop, and on which day [R]; those of one case after those of another.
+
+        ``days_before`` [R, 2] of ground and ballast.
+        """
         clocks = [clock_of(case) for case in cases]
         of_case = np.repeat(np.arange(len(cases)), len(amplitudes) // len(cases))
         scales = [day_scale(case) for case in cases]
@@ -135,7 +141,7 @@ class CycleJump:
 
         def rate(time: np.ndarray, state: np.ndarray, rows: np.ndarray) -> np.ndarray:
             day = scale[rows] * np.expm1(time)
-            daily = _weights(clocks, of_case[rows], day, ground_days[rows])
+            daily = _weights(clocks, of_case[rows], day, days_before[rows])
             weights = daily * (factors[rows] * (day + scale[rows]))[:, None]
             here = support if len(rows) == len(of_case) else support[rows]  # no copy of all fields
             change, uniform = self.growth(state[:, :-1], weights, here.fields)
@@ -172,15 +178,15 @@ def day_scale(case: Case) -> float:
 
 
 def _weights(
-    clocks: Sequence[Clock], of_case: np.ndarray, day: np.ndarray, ground_days: np.ndarray
+    clocks: Sequence[Clock], of_case: np.ndarray, day: np.ndarray, days_before: np.ndarray
 ) -> np.ndarray:
     """Weights [A, E] of realisations, each by the clock of its case."""
     if len(clocks) == 1:
-        return clocks[0].daily_weights(day, ground_days)
+        return clocks[0].daily_weights(day, *days_before.T)
     ends = np.searchsorted(of_case, np.arange(len(clocks) + 1))
     return np.concatenate(
         [
-            clock.daily_weights(day[a:b], ground_days[a:b])
+            clock.daily_weights(day[a:b], *days_before[a:b].T)
             for clock, (a, b) in zip(clocks, pairwise(ends), strict=True)
         ]
     )
@@ -192,7 +198,7 @@ def _in_timetable_order(
     amplitudes: np.ndarray,
     day: np.ndarray,
     measure: Roughness,
-    ground_days: np.ndarray,
+    days_before: np.ndarray,
     support: Support,
 ) -> np.ndarray:
     """Day-averaged crossing days [A] as days of the ordered timetable.
@@ -203,7 +209,7 @@ def _in_timetable_order(
     """
     services = case.timetable.services
     n_groups = len(case.model.group_laws)
-    weights, embedded = daily_weights(case, day, ground_days), measure.embed(amplitudes)
+    weights, embedded = daily_weights(case, day, *days_before.T), measure.embed(amplitudes)
     shares = []
     for s in range(len(services)):
         own = np.zeros_like(weights)

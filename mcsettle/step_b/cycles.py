@@ -27,18 +27,28 @@ class Clock:
     trains: np.ndarray
     laws: tuple[tuple[Law, np.ndarray], ...]
 
-    def cycles(self, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
+    def cycles(
+        self,
+        day: np.ndarray,
+        ground_days: np.ndarray | float = 0.0,
+        ballast_days: np.ndarray | float = 0.0,
+    ) -> np.ndarray:
         """Cycles N [E, …] at fractional ``day``, day-averaged (``cycles_at``)."""
         day = np.asarray(day, dtype=float)
         column = (slice(None), *(None,) * day.ndim)
-        since = np.where(self.renewed[column], day, day + ground_days)
+        since = np.where(self.renewed[column], day + ballast_days, day + ground_days)
         gone = self.counted[column] * since + self.offset[column]
         before = self.before[column]
         return np.maximum(before + self.model.cycles_per_passage * gone, before)
 
-    def daily_weights(self, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
+    def daily_weights(
+        self,
+        day: np.ndarray,
+        ground_days: np.ndarray | float = 0.0,
+        ballast_days: np.ndarray | float = 0.0,
+    ) -> np.ndarray:
         """Growth of the cycle functions per day [R, E] at ``day`` [R] (the function of this name)."""
-        model, cycles = self.model, self.cycles(day, ground_days)
+        model, cycles = self.model, self.cycles(day, ground_days, ballast_days)
         rates = np.empty_like(cycles)
         for law, own in self.laws:
             found = cycle_rate(law, cycles[own], long_run_rate(law, model))
@@ -76,13 +86,18 @@ def clock_of(case: Case) -> Clock:
     )
 
 
-def cycles_at(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
+def cycles_at(
+    case: Case,
+    day: np.ndarray,
+    ground_days: np.ndarray | float = 0.0,
+    ballast_days: np.ndarray | float = 0.0,
+) -> np.ndarray:
     """Cycles N [E, …] of each service's groups at fractional ``day``, day-averaged.
 
-    ``ground_days``: days of this traffic that all but the ballast have had before day 0, since a
-    tamping renews the ballast's count alone.
+    ``ground_days``, ``ballast_days``: days of this traffic before day 0, of all but the ballast and of
+    the ballast, whose count alone a tamping renews.
     """
-    return clock_of(case).cycles(day, ground_days)
+    return clock_of(case).cycles(day, ground_days, ballast_days)
 
 
 def daily_counts(case: Case) -> np.ndarray:
@@ -99,12 +114,17 @@ def counted_with(case: Case, service: int) -> np.ndarray:
     return np.array([shared or train == trains[service] for train in trains])
 
 
-def daily_weights(case: Case, day: np.ndarray, ground_days: np.ndarray | float = 0.0) -> np.ndarray:
+def daily_weights(
+    case: Case,
+    day: np.ndarray,
+    ground_days: np.ndarray | float = 0.0,
+    ballast_days: np.ndarray | float = 0.0,
+) -> np.ndarray:
     """Growth of the cycle functions per day, [R, E], of each service's groups at ``day`` [R].
 
     Includes ``settlement_factor``; multiplies a form summed over the axles of one train.
     """
-    return clock_of(case).daily_weights(day, ground_days)
+    return clock_of(case).daily_weights(day, ground_days, ballast_days)
 
 
 @dataclass(frozen=True)

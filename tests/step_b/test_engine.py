@@ -399,3 +399,19 @@ def test_impossible_combinations_are_refused():
         engine_for(case, "every_train", "pointwise")
     with pytest.raises(ValueError, match="one set of transfer functions per service"):
         Case(case.timetable, (), case.model, 200.0, 1.5e-3, 10.0)
+
+
+def test_days_before_are_counts_that_begin_higher():
+    """Each track its own days of traffic before day 0, in one engine; another engine for each count."""
+    start, gone = toy.profiles(range(3)), np.array([0.0, 7.0, 40.0])
+    case = toy.case()
+    assert len({type(law) for law in case.model.group_laws}) == 2  # ballast and ground
+    together = engine_for(case).run(start, DAYS, ground_days=0.5 * gone, ballast_days=gone)
+    for row, days in enumerate(gone):
+        counted = {
+            "ballast_cycles_before": 1e5 + AXLES_PER_DAY * days,
+            "subgrade_cycles_before": 1e5 + AXLES_PER_DAY * 0.5 * days,
+        }
+        alone = engine_for(toy.case(**counted)).run(start[[row]], DAYS)
+        np.testing.assert_allclose(together.history[row], alone.history[0], rtol=1e-5)
+        assert together.days[row] == pytest.approx(alone.days[0], rel=1e-4)
