@@ -18,6 +18,7 @@ from mcsettle.units import MM
 
 if TYPE_CHECKING:
     import numpy as np
+    import pandas as pd
 
     from mcsettle.analysis.life import Life
 
@@ -32,15 +33,23 @@ def life(
     json_output: Json = False,
     force: Force = False,
 ) -> None:
-    """Tamp a study's tracks again and again to renewal; present and marginal cost beside Eq. (4)."""
+    """Tamp a study's tracks again and again to renewal; present and marginal cost beside Eq. (4).
+
+    With [line], the sections of the line over the horizon: tampings and cost of each and of all.
+    """
     from mcsettle.storage.marks import refuse_others
 
     loaded = study_in(study)
     if out is not None:
         checked_folder(out)
-        names = ("lives.parquet", "tampings.parquet")
-        refuse_others([out / name for name in names], loaded.identity, force)
+        names = ("lives", "tampings") if loaded.line is None else ("section_lives", "line_lives")
+        refuse_others([out / f"{name}.parquet" for name in names], loaded.identity, force)
     warn_of(loaded)
+    if loaded.line is not None:
+        from mcsettle.cli.line_life import tell_line_life
+
+        tell_line_life(loaded, realisations, out, json_output)
+        return
     from mcsettle.analysis.life import lives
 
     found = lives(loaded, realisations, Progress(), cores())
@@ -94,11 +103,6 @@ def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
     """
     import numpy as np
     import pandas as pd
-    import pyarrow as pa
-
-    from mcsettle.storage.files import write_file
-    from mcsettle.storage.marks import NAME
-    from mcsettle.storage.parquet import encode
 
     lives, tampings, followed = [], [], set[int]()
     for life in found:
@@ -131,11 +135,23 @@ def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
                     "sd_after_mm": life.sd_after[r, c] / MM,
                 }
             )
-    for name, rows in (("lives", lives), ("tampings", tampings)):
-        table = pa.Table.from_pandas(pd.DataFrame(rows), preserve_index=False)
+    tables = {"lives": pd.DataFrame(lives), "tampings": pd.DataFrame(tampings)}
+    write_tables(tables, folder, study)
+
+
+def write_tables(tables: "dict[str, pd.DataFrame]", folder: Path, study: str) -> None:
+    """Each as ``NAME.parquet`` in ``folder``, with the mark ``study``."""
+    import pyarrow as pa
+
+    from mcsettle.storage.files import write_file
+    from mcsettle.storage.marks import NAME
+    from mcsettle.storage.parquet import encode
+
+    for name, rows in tables.items():
+        table = pa.Table.from_pandas(rows, preserve_index=False)
         marked = table.replace_schema_metadata({**(table.schema.metadata or {}), NAME: study})
         write_file(folder / f"{name}.parquet", encode(marked))
-    inform(f"Wrote lives.parquet and tampings.parquet to {folder}")
+    inform(f"Wrote {' and '.join(f'{name}.parquet' for name in tables)} to {folder}")
 
 
 def _rows(life: "Life") -> list[tuple[str, "np.ndarray"]]:

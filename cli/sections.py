@@ -55,7 +55,7 @@ def sections(
         from mcsettle.analysis.sections import line_hold_out
 
         line, held = line_hold_out(loaded, Progress(), cores())
-        _tell(line)
+        tell_remarks(line)
         say(
             hold_out_json(held) if json_output else "\n".join(hold_out_lines(line, held)),
             json_output,
@@ -64,7 +64,7 @@ def sections(
     from mcsettle.analysis.sections import sections_report
 
     report = sections_report(loaded, Progress(), cores())
-    _tell(report.line)
+    tell_remarks(report.line)
     say(sections_json(report) if json_output else "\n".join(sections_lines(report)), json_output)
     contents = {}
     if table is not None:
@@ -75,7 +75,8 @@ def sections(
         inform(f"Wrote {path}")
 
 
-def _tell(line: "Line") -> None:
+def tell_remarks(line: "Line") -> None:
+    """How the line was read, on stderr."""
     for remark in line.remarks:
         inform(f"remark: {remark}")
 
@@ -99,10 +100,10 @@ def sections_lines(report: "SectionsReport") -> Iterator[str]:
         f"{'':>3} {'chainage m':>15} {'SD mm':>6} {'mm/year':>8} "
         f"{'P5':>10} {'P50':>10} {'P95':>10} {'1 y':>5}"
     )
-    late = f"> {_end(report)}"
+    late = late_text(report.last_run, report.forecast.horizon)
     for row in table.head(SHOWN).to_dict("records"):
         place = f"{row.get('track', '')} {row['chainage_from_m']:.0f}-{row['chainage_to_m']:.0f}".strip()
-        days = " ".join(f"{_date(row[f'due_p{p}'], late):>10}" for p in ("05", "50", "95"))
+        days = " ".join(f"{shown_date(row[f'due_p{p}'], late):>10}" for p in ("05", "50", "95"))
         rate = (
             "-"
             if row["rate_mm_per_year"] != row["rate_mm_per_year"]
@@ -180,9 +181,9 @@ def sections_json(report: "SectionsReport") -> str:
             zip(("p05", "p50", "p95"), report.forecast.factors.spread, strict=True)
         ),
         "forms": {form.name: form.probability for form in report.forecast.forms},
-        "sections": _plain(report.table),
-        "due": _plain(report.due),
-        "increments": None if report.increments is None else _plain(report.increments),
+        "sections": plain(report.table),
+        "due": plain(report.due),
+        "increments": None if report.increments is None else plain(report.increments),
         "worksites": [_site(report, site) for site in report.sites],
         "plan_cost": report.site_cost,
         "single_cost": report.single_cost,
@@ -252,7 +253,9 @@ def picture_bytes(report: "SectionsReport", kind: str) -> bytes:
     return drawn(figure, kind.removeprefix("."))
 
 
-def _plain(table: "pd.DataFrame") -> list[dict[str, Any]]:
+def plain(table: "pd.DataFrame") -> list[dict[str, Any]]:
+    """Rows as JSON has them: dates as ISO text, null for what is not known."""
+
     def value(cell: Any) -> Any:
         if isinstance(cell, date):
             return cell.isoformat()
@@ -261,11 +264,13 @@ def _plain(table: "pd.DataFrame") -> list[dict[str, Any]]:
     return [{str(k): value(v) for k, v in row.items()} for row in table.to_dict("records")]
 
 
-def _end(report: "SectionsReport") -> str:
-    return str(report.last_run.year + round(report.forecast.horizon / DAYS_PER_YEAR))
+def late_text(last_run: date, horizon: float) -> str:
+    """How a date beyond the horizon [days] is written."""
+    return f"> {last_run.year + round(horizon / DAYS_PER_YEAR)}"
 
 
-def _date(day: date | None, late: str) -> str:
+def shown_date(day: date | None, late: str) -> str:
+    """A date as it is printed."""
     return late if day is None else day.isoformat()
 
 

@@ -6,7 +6,7 @@ than the rest, so it takes three values: as measured, and √3 standard errors t
 (Gauss–Hermite nodes).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -191,17 +191,26 @@ def start_profiles(scene: Scene, history: LineHistory, rows: np.ndarray, start: 
     return profiles
 
 
-def start_support(scene: Scene, history: LineHistory, rows: np.ndarray, start: int) -> Support:
+def start_support(
+    scene: Scene,
+    history: LineHistory,
+    rows: np.ndarray,
+    start: int,
+    gone: int = 0,
+    address: Sequence[int] | None = None,
+) -> Support:
     """Fields of the sections ``rows``, as many tampings old as they have lived through.
 
-    What sections differ in as a whole is their factor, which is estimated.
+    ``gone`` tampings later they have what those draw anew from ``address`` [P]. What sections differ in
+    as a whole is their factor, which is estimated.
     """
     if scene.support.settings is None:
         return ALIKE
     fields = []
-    for row in rows:
+    for place, row in enumerate(rows):
         sd, tamped = history.sd[row, [start]], int(history.spans[row, start])
-        own = scene.support.sample(scene.profiles.seed, [int(row)], sd, tamped)[0]
+        to_come = None if address is None else (tamped, [address[place]])
+        own = scene.support.sample(scene.profiles.seed, [int(row)], sd, tamped + gone, to_come)[0]
         assert own is not None
         fields.append(own)
     return Support(np.concatenate(fields))

@@ -158,7 +158,7 @@ def _by(
     likelihood = np.zeros((len(rows), len(growth.logs)))
     joint, reached = np.zeros(shape), np.full(shape, np.inf)
     predicted = np.full(shape, np.inf)
-    parts = list(_starts(history, rows, spans))
+    parts = list(starts(history, rows, spans))
     for done, (start, which, is_last) in enumerate(parts):
         if progress is not None:
             progress(text, done, len(parts))
@@ -183,7 +183,7 @@ def _by(
     return _Form(growth.name, pooled(growth.logs, likelihood), joint, reached, predicted)
 
 
-def _starts(
+def starts(
     history: LineHistory, rows: np.ndarray, spans: np.ndarray
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
     """Runs at which spans begin: the run, the sections [P] that start there, whether it is their last."""

@@ -11,6 +11,7 @@ import pandas as pd
 from mcsettle.analysis.described_growth import by_hand
 from mcsettle.analysis.growth_by_wave import growth_by_wave
 from mcsettle.analysis.growth_courses import Growth, SteppedGrowth
+from mcsettle.analysis.line_draws import line_draws
 from mcsettle.analysis.line_forecast import LineForecast, line_forecast
 from mcsettle.analysis.line_hold_out import HoldOut, hold_out
 from mcsettle.analysis.worksites import TampingPrices, Worksite, one_by_one, worksites
@@ -26,7 +27,6 @@ from mcsettle.units import DAYS_PER_YEAR, MM
 YEARS = (1, 2, 3)
 DRAWS = 400  # of the whole line, for lengths due in a year
 LEVELS = (0.05, 0.5, 0.95)
-_STREAM = 0x11E  # of the seed, for draws of the line
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ def sections_report(
     InputError
         There is no ``[line]``, or it cannot be used.
     """
-    line, prepared = _ready(study, progress, processes)
+    line, prepared = ready(study, progress, processes)
     assert study.line is not None
     history, horizon = line.history, study.limit.horizon_days
     model, *others = growths(study.line.growth, prepared, study.scenes, history)
@@ -95,7 +95,7 @@ def line_hold_out(
     InputError
         There is no ``[line]``, or its runs do not allow it.
     """
-    line, prepared = _ready(study, progress, processes)
+    line, prepared = ready(study, progress, processes)
     assert study.line is not None
     forms = partial(growths, study.line.growth, prepared, study.scenes)
     return line, hold_out(forms, line.history, progress)
@@ -110,7 +110,8 @@ def growths(
     return (model,) if choice == "model" else (model, *by_hand(history))
 
 
-def _ready(study: Study, progress: Progress | None, processes: int) -> tuple[Line, StepA]:
+def ready(study: Study, progress: Progress | None, processes: int) -> tuple[Line, StepA]:
+    """The line of ``study``, and Step A of what runs on it."""
     line = build_line(study)
     names = {*zip(line.history.variant, line.history.scenario, strict=True)}
     for variant, scenario in names:  # a name that is none is told before Step A
@@ -180,42 +181,25 @@ def _due(
 
 
 def _due_by_year(history: LineHistory, forecast: LineForecast, seed: int) -> pd.DataFrame:
-    """Kilometres that fall due in each coming year, P5 to P95 of ``DRAWS`` draws of the whole line.
-
-    Sections are drawn together: each draw has one form of growth and one pair (μ, τ) of the line, and
-    every section its rate and start SD given these.
-    """
-    rng = np.random.default_rng([seed, _STREAM])
-    carried = [f for f in range(len(forecast.forms)) if (forecast.form_of_rate == f).any()]
-    probability = np.array([forecast.forms[f].probability for f in carried])
-    of_rate = forecast.weights.sum(axis=1, keepdims=True)
-    start_given_rate = forecast.weights / np.maximum(of_rate, 1e-300)
-    rows, n_years = np.arange(len(forecast.rows)), int(np.ceil(forecast.horizon / DAYS_PER_YEAR))
+    """Kilometres that fall due in each coming year, P5 to P95 of ``DRAWS`` draws of the whole line."""
+    n_years = int(np.ceil(forecast.horizon / DAYS_PER_YEAR))
+    lengths, rows = np.zeros((DRAWS, n_years)), np.arange(len(forecast.rows))
     kilometres = (history.chainage_to - history.chainage_from)[forecast.rows] / 1000.0
-    lengths = np.zeros((DRAWS, n_years))
-    for draw, form in enumerate(rng.choice(carried, DRAWS, p=probability / probability.sum())):
-        pooled = forecast.forms[form].pooled
-        pair = rng.choice(len(pooled.hyper), p=pooled.hyper)
-        rate = _drawn(pooled.likelihood * pooled.given[pair], rng)
-        rate += int(np.argmax(forecast.form_of_rate == form))
-        start = _drawn(start_given_rate[rows, :, rate], rng)
-        days = forecast.days[rows, start, rate]
+    for draw, own in enumerate(line_draws(forecast, DRAWS, seed)):
+        days = forecast.days[rows, own.start, own.rate]
         year = np.minimum(days, n_years * DAYS_PER_YEAR) // DAYS_PER_YEAR
         lengths[draw] = np.bincount(year.astype(int), kilometres, n_years + 1)[:n_years]
+    return due_table(lengths, history.dates[-1])
+
+
+def due_table(lengths: np.ndarray, first: date) -> pd.DataFrame:
+    """P5, P50, P95 of kilometres [D, Y] due in each year from the date ``first`` on."""
     low, middle, high = np.quantile(lengths, LEVELS, axis=0)
-    first = history.dates[-1]
     return pd.DataFrame(
         {
-            "from": [calendar(first, y * DAYS_PER_YEAR) for y in range(n_years)],
+            "from": [calendar(first, y * DAYS_PER_YEAR) for y in range(lengths.shape[1])],
             "due_km_p05": low,
             "due_km_p50": middle,
             "due_km_p95": high,
         }
     )
-
-
-def _drawn(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """One index [S] for each row of ``weights`` [S, W], in proportion to them."""
-    below = np.cumsum(weights, axis=1)
-    at = np.sum(rng.random((len(weights), 1)) * below[:, -1:] > below, axis=1)
-    return np.minimum(at, weights.shape[1] - 1)

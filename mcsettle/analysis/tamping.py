@@ -72,7 +72,7 @@ class Recovery:
 
 
 @dataclass(frozen=True)
-class Sequence:
+class TampingSequence:
     """Tampings of R realisations after one at day 0; years of 365 days.
 
     ``years`` [R, C]: times of the further tampings, rising, NaN after the last one. ``life``: years to
@@ -95,7 +95,9 @@ class Sequence:
         return 1 + np.sum(~np.isnan(self.years), axis=1)
 
 
-def present_cost(sequence: Sequence, tamping_cost: float, discount_rate: float) -> np.ndarray:
+def present_cost(
+    sequence: TampingSequence, tamping_cost: float, discount_rate: float
+) -> np.ndarray:
     """Present value [R] currency/track-km of tamping now and at the times of ``sequence``.
 
     Without renewal the last interval goes on for ever, Eq. (4) from the last tamping on. With one the
@@ -118,12 +120,16 @@ def present_cost(sequence: Sequence, tamping_cost: float, discount_rate: float) 
     return np.asarray(own + np.where(sequence.open | np.isnan(interval), 0.0, tail))
 
 
-def constant_cost(sequence: Sequence, tamping_cost: float, discount_rate: float) -> np.ndarray:
+def constant_cost(
+    sequence: TampingSequence, tamping_cost: float, discount_rate: float
+) -> np.ndarray:
     """Eq. (4) [R] currency/track-km with every interval as long as the first; NaN without a first one."""
     return perpetual_present_value(tamping_cost, discount_rate, sequence.first)
 
 
-def present_cost_slope(sequence: Sequence, tamping_cost: float, discount_rate: float) -> np.ndarray:
+def present_cost_slope(
+    sequence: TampingSequence, tamping_cost: float, discount_rate: float
+) -> np.ndarray:
     """∂PV/∂T₁ [R] currency/track-km per year: the first interval moved, the later ones held.
 
     Every tamping of this life that follows moves with the first; Eq. (6) is the case of intervals all

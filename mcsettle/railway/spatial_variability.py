@@ -10,7 +10,7 @@ Waves beyond twice the profile's highest cannot bring a wave of the profile back
 The tracks stay the same tracks whatever the field: no number of theirs is drawn anew.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,6 +121,7 @@ def susceptibility(
     settling: Iterable[int],
     initial_sd: np.ndarray | None = None,
     tamping: int = 0,
+    to_come: tuple[int, Sequence[int]] | None = None,
 ) -> np.ndarray:
     """Fields of h, complex [R, F, M] at modes 1 … M.
 
@@ -132,6 +133,7 @@ def susceptibility(
     settling : layers that have a settlement law
     initial_sd : [R] m, where there is a ``reference_sd``
     tamping : how many tampings the field has lived through
+    to_come : the tampings after so many have what they draw anew from these addresses [R]
     """
     streams, rows = settings.streams(settling), list(indices)
     fields = np.empty((len(rows), len(streams), waves.scale.size), dtype=complex)
@@ -140,7 +142,8 @@ def susceptibility(
         if settings.reference_sd is not None and initial_sd is not None:
             cov *= float(initial_sd[r]) / settings.reference_sd
         for f, stream in enumerate(streams):
-            normals = _normals(settings, waves, seed, index, stream, tamping)
+            later = None if to_come is None else (to_come[0], to_come[1][r])
+            normals = _normals(settings, waves, seed, index, stream, tamping, later)
             fields[r, f] = _field(settings.distribution, waves, cov, normals)
     return fields
 
@@ -164,16 +167,21 @@ class SupportVariation:
         return None if self.settings is None else self.settings.coupling(self.settling)
 
     def sample(
-        self, seed: int, indices: Iterable[int], initial_sd: np.ndarray, tamping: int = 0
+        self,
+        seed: int,
+        indices: Iterable[int],
+        initial_sd: np.ndarray,
+        tamping: int = 0,
+        to_come: tuple[int, Sequence[int]] | None = None,
     ) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Fields complex [R, F, M] and factors [R] of realisations of SD ``initial_sd`` [R] m.
 
-        None for what there is none of. ``tamping``: how many tampings the fields have lived through.
+        None for what there is none of. ``tamping``, ``to_come``: as for ``susceptibility``.
         """
         rows, fields, factors = list(indices), None, None
         if self.settings is not None and self.waves is not None:
             fields = susceptibility(
-                self.settings, self.waves, seed, rows, self.settling, initial_sd, tamping
+                self.settings, self.waves, seed, rows, self.settling, initial_sd, tamping, to_come
             )
         if self.section_log_sd > 0.0:
             factors = section_factors(seed, rows, self.section_log_sd)
@@ -206,6 +214,7 @@ def _normals(
     index: int,
     stream: int,
     tamping: int,
+    to_come: tuple[int, int] | None = None,
 ) -> np.ndarray:
     """Complex normal numbers [M] of one field, in the band coherent with those of the profile."""
     rho, p = settings.profile_correlation, settings.persistence
@@ -213,7 +222,8 @@ def _normals(
     normals = random_amplitudes(seed, index, waves.scale.size, (stream, 0))
     normals[waves.band] = rho * profile + np.sqrt(1.0 - rho**2) * normals[waves.band]
     for after in range(1, tamping + 1 if p < 1.0 else 1):
-        fresh = random_amplitudes(seed, index, waves.scale.size, (stream, after))
+        own = index if to_come is None or after <= to_come[0] else to_come[1]
+        fresh = random_amplitudes(seed, own, waves.scale.size, (stream, after))
         normals = p * normals + np.sqrt(1.0 - p**2) * fresh
     return normals
 

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from mcsettle.analysis.life import lives
 from mcsettle.analysis.tamping import (
     Recovery,
-    Sequence,
+    TampingSequence,
     constant_cost,
     present_cost,
     present_cost_slope,
@@ -30,9 +30,9 @@ PERFECT = {"recovery": "perfect", "cycles": 4}
 LINEAR = {"recovery": "linear", "intercept_mm": 0.5, "slope": 0.3, "scatter_mm": 0.1, "cycles": 5}
 
 
-def alike(interval: float, n: int, life: float = np.inf) -> Sequence:
+def alike(interval: float, n: int, life: float = np.inf) -> TampingSequence:
     years = interval * np.arange(1.0, n + 1.0)[None]
-    return Sequence(np.where(years < life - 1e-9, years, np.nan), life, np.zeros(1, bool))
+    return TampingSequence(np.where(years < life - 1e-9, years, np.nan), life, np.zeros(1, bool))
 
 
 @settings(max_examples=60, deadline=None)
@@ -51,21 +51,21 @@ def test_intervals_all_alike_cost_what_eq_4_says(interval: float, n: int, rate: 
 def test_slope_is_the_finite_difference_of_the_cost(intervals: list[float], life: float) -> None:
     def cost(first: float) -> float:
         years = np.cumsum([first, *intervals[1:]])[None]
-        whole = present_cost(Sequence(years, life, np.zeros(1, bool)), C, R)[0]
+        whole = present_cost(TampingSequence(years, life, np.zeros(1, bool)), C, R)[0]
         # In a renewed life only this life's tampings move: later lives are taken off.
         return whole * -np.expm1(-R * life) if np.isfinite(life) else whole
 
     step = 1e-4
     difference = (cost(intervals[0] + step) - cost(intervals[0] - step)) / (2.0 * step)
     years = np.cumsum(intervals)[None]
-    slope = present_cost_slope(Sequence(years, life, np.zeros(1, bool)), C, R)[0]
+    slope = present_cost_slope(TampingSequence(years, life, np.zeros(1, bool)), C, R)[0]
     assert slope == pytest.approx(difference, rel=1e-6)
 
 
 @pytest.mark.parametrize("life", [np.inf, 20.0])
 def test_without_discounting_the_slope_is_its_limit_and_the_cost_has_no_end(life: float) -> None:
     years = np.array([[2.0, 3.5, 5.1, np.nan], [1.0, np.nan, np.nan, np.nan]])
-    sequence = Sequence(years, life, np.zeros(2, bool))
+    sequence = TampingSequence(years, life, np.zeros(2, bool))
     assert np.all(np.isinf(present_cost(sequence, C, 0.0)))
     limit = present_cost_slope(sequence, C, 1e-8)
     slope = present_cost_slope(sequence, C, 0.0)
@@ -74,7 +74,7 @@ def test_without_discounting_the_slope_is_its_limit_and_the_cost_has_no_end(life
 
 def test_costs_fall_with_longer_intervals_and_count_what_is_known() -> None:
     years = np.array([[2.0, 4.0, 6.0], [2.0, 5.0, 9.0], [2.0, np.nan, np.nan], [np.nan] * 3])
-    sequence = Sequence(years, np.inf, np.array([False, False, True, True]))
+    sequence = TampingSequence(years, np.inf, np.array([False, False, True, True]))
     cost = present_cost(sequence, C, R)
     assert np.all(np.diff(cost) < 0.0)
     assert cost[2] == pytest.approx(C * (1.0 + np.exp(-R * 2.0)))
@@ -198,7 +198,7 @@ def test_no_mean_of_a_minority_and_none_without_an_end() -> None:
 
     years = np.full((12, 1), np.nan)
     years[:5, 0] = 1.3
-    sequence = Sequence(years, 30.0, np.ones(12, bool))
+    sequence = TampingSequence(years, 30.0, np.ones(12, bool))
     costs = constant = np.where(np.isnan(years[:, 0]), np.nan, 1e5)
     life = Life(
         "base", "v201", sequence, years * 0.0, np.full(12, 1e4), constant, costs, costs, "u", "EUR"

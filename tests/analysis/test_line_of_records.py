@@ -177,3 +177,53 @@ def test_a_field_coherent_with_a_recorded_profile_is_refused(tmp_path):
     done = CliRunner().invoke(app, ["sections", str(tmp_path / "study.toml")])
     assert done.exit_code == 2
     assert "profile_correlation" in done.stderr
+
+
+def test_a_tamping_is_of_its_track_alone(tmp_path):
+    """Of the two tracks beside one another one was tamped; its SDs alone begin a new span."""
+    runs = [
+        *({**run, "track": "up"} for run in line_of(tmp_path, 10, "a", shift=0.0)),
+        *({**run, "track": "down"} for run in line_of(tmp_path, 11, "b", shift=0.0)),
+    ]
+    own = {"chainage_from_m": 0, "chainage_to_m": 600, "date": "2024-02-01"}
+    spans = {}
+    for track in ("down", None):
+        tamping = own | ({"track": track} if track else {})
+        history = build_line(study_of(tmp_path, runs=runs, tampings=[tamping])).history
+        spans[track] = {
+            (name, round(x)): row.tolist()
+            for name, x, row in zip(
+                history.track, history.chainage_from, history.spans, strict=True
+            )
+        }
+    tamped, untouched = [0, 1, 1], [0, 0, 0]
+    assert spans["down"] == {
+        (name, 200 * i): tamped if name == "down" and i < 3 else untouched
+        for name in ("up", "down")
+        for i in range(N)
+    }
+    assert [spans[None]["up", 200 * i] for i in range(N)] == [tamped] * 3 + [untouched] * 3
+
+
+def test_the_worse_rail_of_a_line_is_that_of_the_whole_section(tmp_path):
+    """Left is worse on the first 600 m, right behind: each section has the SD of its worse rail."""
+    worse = np.where(X < 0.5 * LENGTH, 1.5, 1.0)
+    runs = []
+    for number, day in enumerate(DAYS[:2]):
+        left = level(12) * (1.0 + 0.1 * number)
+        rows = [
+            f"{x:.3f},{1e3 * z * w:.5f},{1e3 * z * (2.5 - w):.5f}"
+            for x, z, w in zip(X, left, worse, strict=True)
+        ]
+        text = "\n".join(["chainage_m,level_mm,right_mm", *rows])
+        (tmp_path / f"two{number}.csv").write_text(text, encoding="utf-8")
+        when = date(2024, 1, 1) + timedelta(days=day)
+        runs.append({"file": f"two{number}.csv", "date": when.isoformat()})
+    sds = {}
+    for rails in ("worse", "mean"):
+        record = {"second_level_column": "right_mm", "rails": rails}
+        sds[rails] = build_line(study_of(tmp_path, runs=runs, record=record)).history.sd
+    # The rails are 1.5 and 1.0 times one level: the worse has 1.5, their mean 1.25.
+    middle = [0, 1, 4, 5]  # a step of the factor is near the others' ends
+    np.testing.assert_allclose(sds["worse"][middle] / sds["mean"][middle], 1.2, rtol=0.02)
+    np.testing.assert_allclose(sds["worse"][:, 1] / sds["worse"][:, 0], 1.1, rtol=0.02)

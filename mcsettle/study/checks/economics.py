@@ -32,6 +32,8 @@ def economics_faults(parts: Parts) -> Iterator[Fault]:
         yield from _entries_faults(parts)
         return
     missing = [key for key in SHORTHAND[:2] if getattr(economics, key) is None]
+    if len(missing) == 2 and (len(parts.scenario_names) < 2 or parts.has_line):
+        return  # a price of tampings, and nothing to compare
     for key in missing:
         yield Fault(f"economics.{key}", "is missing and has no default but [[effects]]")
     if not missing:

@@ -63,6 +63,7 @@ class Parts:
     reference: Mapping[int, ReferenceTable] = field(default_factory=dict)
     effects: Mapping[int, EffectTable] = field(default_factory=dict)
     has_economics: bool = False  # valid or not
+    has_line: bool = False
 
 
 def parts_of(study: StudyTables) -> Parts:
@@ -88,6 +89,7 @@ def parts_of(study: StudyTables) -> Parts:
         reference=dict(enumerate(study.reference)),
         effects=dict(enumerate(study.effect_tables)),
         has_economics=study.economics is not None,
+        has_line=study.line is not None,
     )
 
 
