@@ -39,16 +39,18 @@ def line_life_lines(found: "LineLife") -> Iterator[str]:
     )
     yield f"{'':<40} {'mean':>11} {'P5':>11} {'P50':>11} {'P95':>11}"
     rate = f"at {100 * found.discount_rate:.3g} % a year" if found.discount_rate else "undiscounted"
-    names = {"tamped_km": "tamped, km", "cost": f"cost, {found.currency}, {rate}"}
-    for column, text in names.items():
+    rows = {
+        "tamped, km": ("tamped_km", ",.1f"),
+        f"cost, {found.currency}, {rate}": ("cost", ",.0f"),
+    }
+    for text, (column, form) in rows.items():
         values = found.totals[column]
-        cells = " ".join(f"{v:>11,.5g}" if v < 1e5 else f"{v:>11,.0f}"
-                         for v in (values.mean(), *values.quantile(LEVELS)))  # fmt: skip
-        yield f"{text:<40} {cells}"
+        shown = (values.mean(), *values.quantile(list(LEVELS)))
+        yield f"{text:<40} " + " ".join(f"{format(float(v), form):>11}" for v in shown)
     if found.is_open.any():
         yield (
-            f"in {found.is_open.mean():.1%} of the draws a section is followed no further "
-            "([maintenance] cycles): a lower bound"
+            f"{int(found.is_open.sum())} of {found.is_open.size} sections drawn are followed no further "
+            "([maintenance] cycles, scatter): a lower bound"
         )
     yield "tamped in each year [km], P50 (P5 to P95), the line as a whole:"
     for row in found.by_year().to_dict("records"):
@@ -86,7 +88,9 @@ def line_life_json(found: "LineLife") -> str:
         "line": {
             str(column): {
                 "mean": float(totals[column].mean()),
-                **dict(zip(("p05", "p50", "p95"), totals[column].quantile(LEVELS), strict=True)),
+                **dict(
+                    zip(("p05", "p50", "p95"), totals[column].quantile(list(LEVELS)), strict=True)
+                ),
             }
             for column in totals
         },

@@ -8,7 +8,7 @@ as persistent as the study says; the ballast's count of cycles begins anew and t
 form described by hand an interval is ((limit − SD after) / r)^(1/q) years.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 
@@ -146,7 +146,7 @@ def line_life(
     assert study.economics is not None
     history, horizon = line.history, study.limit.horizon_days
     _check_limits(history, recovery)
-    forms = growths(study.line.growth, prepared, study.scenes, history)
+    forms: Sequence[Growth] = growths(study.line.growth, prepared, study.scenes, history)
     forecast = line_forecast(forms, history, horizon, progress)
     count = draws or capped(DRAWS)
     drawn = list(line_draws(forecast, count, study.seed))
