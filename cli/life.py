@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.check import warn_of
+from mcsettle.cli.marked_tables import write_tables
 from mcsettle.cli.options import Force, Json, Realisations, StudyFile
 from mcsettle.cli.study_file import study_in
 from mcsettle.cli.tables import shown
-from mcsettle.cli.terminal import Progress, checked_folder, cores, inform, plainly, say
+from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, say
 from mcsettle.estimate.rounding import with_error
 from mcsettle.units import MM
 
 if TYPE_CHECKING:
     import numpy as np
-    import pandas as pd
 
     from mcsettle.analysis.life import Life
 
@@ -137,21 +137,6 @@ def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
             )
     tables = {"lives": pd.DataFrame(lives), "tampings": pd.DataFrame(tampings)}
     write_tables(tables, folder, study)
-
-
-def write_tables(tables: "dict[str, pd.DataFrame]", folder: Path, study: str) -> None:
-    """Each as ``NAME.parquet`` in ``folder``, with the mark ``study``."""
-    import pyarrow as pa
-
-    from mcsettle.storage.files import write_file
-    from mcsettle.storage.marks import NAME
-    from mcsettle.storage.parquet import encode
-
-    for name, rows in tables.items():
-        table = pa.Table.from_pandas(rows, preserve_index=False)
-        marked = table.replace_schema_metadata({**(table.schema.metadata or {}), NAME: study})
-        write_file(folder / f"{name}.parquet", encode(marked))
-    inform(f"Wrote {' and '.join(f'{name}.parquet' for name in tables)} to {folder}")
 
 
 def _rows(life: "Life") -> list[tuple[str, "np.ndarray"]]:

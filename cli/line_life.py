@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mcsettle.cli.life import LEVELS, write_tables
+from mcsettle.cli.marked_tables import write_tables
 from mcsettle.cli.sections import SHOWN, late_text, plain, shown_date, tell_remarks
 from mcsettle.cli.terminal import Progress, cores, say
 from mcsettle.units import DAYS_PER_YEAR
@@ -13,6 +13,8 @@ from mcsettle.units import DAYS_PER_YEAR
 if TYPE_CHECKING:
     from mcsettle.analysis.line_life import LineLife
     from mcsettle.study.study import Study
+
+LEVELS = (0.05, 0.5, 0.95)
 
 
 def tell_line_life(

@@ -79,20 +79,19 @@ def lives(
         raise InputError("[maintenance] takes central values; leave [[uncertain]] inputs out")
     prepared = step_a(study.scenes, progress, processes)
     indices = range(realisations or study.run.realisations)
+    years, source = table.renewal_years or np.inf, study.initial_profiles()
+    typical = min(64, study.run.realisations)
+    upkeep = Upkeep(
+        recovery_of(table), table.cycles, years * DAYS_PER_YEAR, source, typical, study.seed
+    )
     found = []
     for variant in study.variant_names:
         own: dict[str, tuple[TampingSequence, np.ndarray]] = {}
         for scenario in study.scenario_names:
             scene = study.scene(variant, scenario)
-            own[scenario] = tampings(
-                study,
-                scene,
-                build_case(scene, prepared),
-                table,
-                indices,
-                f"{variant} {scenario}",
-                progress,
-            )
+            case = build_case(scene, prepared)
+            text = f"{variant} {scenario}"
+            own[scenario] = tampings(scene, case, table, upkeep, indices, text, progress)
         for scenario in study.scenario_names:
             effects = [e for e in study.effects.values() if e.scenario == scenario]
             found += [_priced(study, variant, scenario, e, own) for e in effects]
@@ -102,25 +101,22 @@ def lives(
 
 
 def tampings(
-    study: Study,
     scene: Scene,
     case: Case,
     table: MaintenanceTable,
+    upkeep: Upkeep,
     indices: range,
     text: str = "",
     progress: Progress | None = None,
 ) -> tuple[TampingSequence, np.ndarray]:
     """Tampings of the realisations ``indices`` after one at day 0, and the SD [R, C] m after each."""
-    source, none = study.initial_profiles(), np.zeros(len(indices))
-    start, field = source.sample(indices), scene.support.settings
+    start, none = upkeep.source.sample(indices), np.zeros(len(indices))
+    field = scene.support.settings
     fades = field is not None and field.persistence < 1.0
     tracks = Tracks(
         start, indices, none + 1.0, none, none, none + np.nan,
         lambda gone: support_of(scene, indices, start, gone), fades,
     )  # fmt: skip
-    life = (table.renewal_years or np.inf) * DAYS_PER_YEAR
-    typical = min(64, study.run.realisations)
-    upkeep = Upkeep(recovery_of(table), table.cycles, life, source, typical, study.seed)
     machines = CycleJump(case), CycleJump(with_renewed_ballast(case, table))
     return followed(machines, tracks, upkeep, text, progress)
 

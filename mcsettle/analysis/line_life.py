@@ -45,6 +45,7 @@ from mcsettle.step_b.case import Support
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.build_line import Line
 from mcsettle.study.sample_cap import capped
+from mcsettle.study.schema.economics import MaintenanceTable
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
 from mcsettle.units import DAYS_PER_YEAR, MM
@@ -139,11 +140,11 @@ def line_life(
     InputError
         There is no ``[line]``, ``[maintenance]`` or ``[economics]``, or they cannot be used together.
     """
-    recovery = _recovery(study)
+    if study.maintenance is None or study.economics is None:
+        raise InputError("tamping again and again needs the tables [maintenance] and [economics]")
+    recovery = _recovery(study.maintenance)
     line, prepared = ready(study, progress, processes)
     assert study.line is not None
-    assert study.maintenance is not None
-    assert study.economics is not None
     history, horizon = line.history, study.limit.horizon_days
     _check_limits(history, recovery)
     forms: Sequence[Growth] = growths(study.line.growth, prepared, study.scenes, history)
@@ -170,11 +171,8 @@ def line_life(
     return LineLife(line, forecast, days, is_open, kilometres, cost, *money)
 
 
-def _recovery(study: Study) -> Recovery:
+def _recovery(table: MaintenanceTable) -> Recovery:
     """What a tamping of the line leaves."""
-    table = study.maintenance
-    if table is None or study.economics is None:
-        raise InputError("tamping again and again needs the tables [maintenance] and [economics]")
     recovery = recovery_of(table)
     if recovery is None:
         raise InputError(
