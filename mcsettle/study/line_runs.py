@@ -1,5 +1,6 @@
 """The dated runs of a line read from its files: tables of SDs, or records laid over one another."""
 
+import io
 from dataclasses import dataclass
 from datetime import date
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from mcsettle.railway.measured_profiles import RecordChoice, read_and_repaired, 
 from mcsettle.railway.record import Run
 from mcsettle.railway.record_sections import Sections
 from mcsettle.railway.run_alignment import aligned
+from mcsettle.railway.text_files import SEPARATORS, decoded
 from mcsettle.study.build import build_record
 from mcsettle.study.input_files import digest_of
 from mcsettle.study.schema.line import LineRunTable, LineTable
@@ -55,8 +57,12 @@ def runs_from_sds(study: "Study", table: LineTable, name: str) -> tuple[LineRuns
     """Sections of a table of dated SDs: one row for a section and a date."""
     path = study.locate(name)
     try:
-        data = pd.read_csv(path, nrows=MOST_ROWS, encoding="utf-8-sig")
-    except (OSError, ValueError, UnicodeDecodeError) as error:
+        text = io.StringIO(decoded(path.read_bytes(), table.record.encoding))
+        sign = SEPARATORS[table.record.separator]
+        data = pd.read_csv(text, nrows=MOST_ROWS, sep=sign, decimal=table.record.decimal)
+    except InputError as error:
+        raise InputError(_listed(name, [str(error)])) from None
+    except (OSError, ValueError) as error:
         raise InputError(f"line.sd_file '{name}' cannot be read: {error}") from None
     faults = [
         f"no column '{column}'; there are {', '.join(map(str, data.columns[:20]))}"

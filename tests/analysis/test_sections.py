@@ -18,6 +18,7 @@ from mcsettle.step_a.transfers import step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.storage.marks import mark_of
+from mcsettle.study.build_line import build_line
 from mcsettle.study.study import Study, load_study, resolved_toml
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -137,6 +138,21 @@ def test_a_table_that_cannot_be_used_is_refused_in_words(truth, tmp_path, change
     study = line_study(tmp_path, csv_of(truth[0]).replace(*change))
     with pytest.raises(InputError, match=words):
         sections_report(study)
+
+
+def test_a_table_of_sds_is_read_as_the_record_says(tmp_path):
+    """Semicolons, decimal commas and Windows-1252, as spreadsheets write them."""
+    text = "chainage_from_m;chainage_to_m;date;sd_mm;Bemerkung\n"
+    text += "".join(f"0;200;2024-0{month}-01;1,{month}5;Brücke\n" for month in (1, 2, 3))
+    record = {"separator": "semicolon", "decimal": ","}
+    study = line_study(tmp_path, text, record=record)
+    (tmp_path / "sds.csv").write_bytes(text.encode("cp1252"))
+    with pytest.raises(InputError, match=r"byte 0xfc.*encoding = \"cp1252\""):
+        build_line(study)
+    study = line_study(tmp_path, text, record=record | {"encoding": "cp1252"})
+    (tmp_path / "sds.csv").write_bytes(text.encode("cp1252"))
+    sd = build_line(study).history.sd
+    np.testing.assert_allclose(sd, [[1.15e-3, 1.25e-3, 1.35e-3]])
 
 
 def test_a_study_without_a_line_is_refused(tmp_path):
