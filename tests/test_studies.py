@@ -29,7 +29,7 @@ def small(path: Path) -> Study:
         data["effects"] = [
             e for e, pair in zip(data["effects"], sides, strict=True) if {*pair} <= {*names}
         ]
-    elif data.get("economics", {}).get("baseline") not in names:
+    elif data.get("economics", {}).get("baseline", names[0]) not in names:
         data.pop("economics", None)
     for train in data["trains"].values():
         train["cars"] = 1

@@ -19,11 +19,14 @@ from mcsettle.summary.answers import answers
 from mcsettle.summary.results import read_results
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
-PRICED = [
-    path
-    for path in sorted(STUDIES.glob("*.toml"))
-    if "economics" in tomllib.loads(path.read_text(encoding="utf-8"))
-]
+
+
+def has_effects(path: Path) -> bool:
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    return "effects" in tables or "effect" in tables.get("economics", {})
+
+
+PRICED = [path for path in sorted(STUDIES.glob("*.toml")) if has_effects(path)]
 TRACKS, SETS = 8, 2
 
 
