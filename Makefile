@@ -61,7 +61,7 @@ test-slow: env
 
 # Says why and skips where there is no Chromium.
 test-browser: env
-	$(BIN)/pytest -m browser -rs tests/browser
+	$(BIN)/pytest $(SHARED) -m browser -rs tests/browser
 
 check: lint types test
 
