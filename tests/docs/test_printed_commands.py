@@ -33,7 +33,6 @@ BIN = Path(sys.executable).parent
 # Step A of sections, or many commands: .ci/run takes them, the fast suite does not.
 SLOW = {
     "README.md",
-    "docs/gallery.md",
     "docs/guide/calibrating.md",
     "docs/guide/line.md",
     "docs/guide/report.md",
