@@ -46,7 +46,10 @@ paper: study
 	$(BIN)/mcsettle report $(RESULTS)/linespeed --markdown $(RESULTS)/linespeed.md
 	$(BIN)/mcsettle report $(RESULTS)/traffic --markdown $(RESULTS)/traffic.md
 	$(BIN)/mcsettle run studies/charges.toml --out $(RESULTS)/charges
-	$(BIN)/python studies/paper_tables.py $(RESULTS)/linespeed $(RESULTS)/traffic $(RESULTS)/charges
+	$(BIN)/mcsettle run studies/linespeed_uncertain.toml --out $(RESULTS)/linespeed_uncertain
+	$(BIN)/mcsettle run studies/traffic_uncertain.toml --out $(RESULTS)/traffic_uncertain
+	$(BIN)/python studies/paper_tables.py $(RESULTS)/linespeed $(RESULTS)/traffic $(RESULTS)/charges \
+	    $(RESULTS)/linespeed_uncertain $(RESULTS)/traffic_uncertain
 	$(BIN)/python studies/gallery.py
 
 # Two workers; a file's tests stay with one, since they share what its fixtures have run.

@@ -84,7 +84,7 @@ def tell_remarks(line: "Line") -> None:
 def sections_lines(report: "SectionsReport") -> Iterator[str]:
     """The worst sections, what falls due in the coming years, the worksites."""
     history, table = report.line.history, report.table
-    length = float((history.chainage_to - history.chainage_from).sum()) / 1000.0
+    length = float(history.lengths.sum()) / 1000.0
     yield (
         f"{len(table)} sections, {length:.4g} km; last run {report.last_run}; "
         f"{int(table['beyond_limit'].sum())} beyond their limit today"

@@ -164,7 +164,7 @@ def line_life(
         part = _Drawn(study, history, forecast, recovery, cycles, place, start, rate, address)
         found, more = part.followed(growth, progress)
         days[own], is_open[own] = found.reshape(len(own), n, cycles), more.reshape(len(own), n)
-    kilometres = (history.chainage_to - history.chainage_from)[forecast.rows] / 1000.0
+    kilometres = history.lengths[forecast.rows] / 1000.0
     factors = np.exp(-study.economics.discount_rate * days / DAYS_PER_YEAR)
     cost = study.economics.tamping_cost_per_track_km * kilometres * np.nansum(factors, axis=2)
     money = study.economics.currency, study.economics.discount_rate

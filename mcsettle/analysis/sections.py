@@ -71,7 +71,7 @@ def sections_report(
     table = _table(history, forecast)
     plan = study.line.plan
     prices = TampingPrices(plan.cost_per_shift, plan.output_m_per_shift, plan.least_length_m)
-    lengths = history.chainage_to - history.chainage_from
+    lengths = history.lengths
     due, life_left = _due(history, forecast, plan.join_within_days)
     closed, sites = history.excluded != "", []
     for part in history.stretches:  # no worksite crosses a gap, or changes the track
@@ -184,7 +184,7 @@ def _due_by_year(history: LineHistory, forecast: LineForecast, seed: int) -> pd.
     """Kilometres that fall due in each coming year, P5 to P95 of ``DRAWS`` draws of the whole line."""
     n_years = int(np.ceil(forecast.horizon / DAYS_PER_YEAR))
     lengths, rows = np.zeros((DRAWS, n_years)), np.arange(len(forecast.rows))
-    kilometres = (history.chainage_to - history.chainage_from)[forecast.rows] / 1000.0
+    kilometres = history.lengths[forecast.rows] / 1000.0
     for draw, own in enumerate(line_draws(forecast, DRAWS, seed)):
         days = forecast.days[rows, own.start, own.rate]
         year = np.minimum(days, n_years * DAYS_PER_YEAR) // DAYS_PER_YEAR

@@ -40,6 +40,11 @@ class LineHistory:
         return np.array([float(d.toordinal() - first) for d in self.dates])
 
     @property
+    def lengths(self) -> np.ndarray:
+        """Lengths [S] m of the sections."""
+        return self.chainage_to - self.chainage_from
+
+    @property
     def spans(self) -> np.ndarray:
         """Number [S, D] of tampings before each run, counted from the first run: runs of one span."""
         return np.cumsum(~np.isnan(self.tamped_on), axis=1)

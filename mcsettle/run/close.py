@@ -163,30 +163,33 @@ def _write_effects(
         return
     for shard in all_shards(study, provenance.shard_realisations):
         member = members[shard.member]
-        paired = [
-            _paired(at, shard, member, effect, provenance)
-            for effect in member.study.effects.values()
-            if effect.scenario == shard.scenario
-        ]
-        if paired:
+        effects = [e for e in member.study.effects.values() if e.scenario == shard.scenario]
+        if effects:
+            own = _days(at, shard, provenance)
+            paired = []
+            for effect in effects:
+                base = _days(at, replace(shard, scenario=effect.baseline), provenance)
+                paired.append(_paired(shard, member, effect, base, own))
             columns, ends = rows.joined(paired), (shard.first, shard.last)
             store.write(at, "effects", shard.name, columns, provenance, *ends, study.currency)
 
 
+def _days(at: Place, shard: Shard, provenance: Provenance) -> tuple[np.ndarray, np.ndarray]:
+    """Intervals and days censored at [R] of a shard, NaN for none."""
+    found = store.read_shard(at, "realisations", shard.name, provenance).sort_by("realisation")
+    return found[INTERVAL].to_numpy(), found[CENSORED].to_numpy()
+
+
 def _paired(
-    at: Place, shard: Shard, member: ParameterSet, effect: StudyEffect, provenance: Provenance
+    shard: Shard,
+    member: ParameterSet,
+    effect: StudyEffect,
+    base: tuple[np.ndarray, np.ndarray],
+    other: tuple[np.ndarray, np.ndarray],
 ) -> dict[str, Any]:
-    """Columns of one effect: the rows of a shard beside those of the baseline."""
+    """Columns of one effect of a shard: its days beside those of the baseline."""
     prices = member.study.economics
     assert prices is not None
-    pair = replace(shard, scenario=effect.baseline), shard
-    tables = (
-        store.read_shard(at, "realisations", one.name, provenance).sort_by("realisation")
-        for one in pair
-    )
-    base, other = (
-        tuple(found[name].to_numpy() for name in (INTERVAL, CENSORED)) for found in tables
-    )
     effects = economics.paired_effects(
         *(base[0], other[0], base[1], other[1]),
         effect.change,

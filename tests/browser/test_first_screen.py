@@ -1,6 +1,5 @@
 """The first page of the studies with the most model forms: one screen of a desk, two of a telephone."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +7,7 @@ import made_run
 import numpy as np
 import pytest
 
-from mcsettle.errors import InputError
 from mcsettle.report.build import read_report
-from mcsettle.report.pdf import find_browser, launch_options
 from mcsettle.report.render import html
 from mcsettle.study.study import load_study
 
@@ -18,20 +15,6 @@ pytestmark = pytest.mark.browser
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 TRACKS = 40
 SCREENS = {"desk": (1280, 1000, 1), "telephone": (390, 844, 2)}  # width, height, screens
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    try:
-        path = find_browser()
-    except InputError as error:
-        pytest.skip(f"no browser: {error}")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as tool:
-        program = tool.chromium.launch(**launch_options(path))
-        yield program
-        program.close()
 
 
 @pytest.fixture(scope="module", params=["linespeed", "traffic", "charges"])

@@ -6,7 +6,6 @@ Run by ``pytest -m browser`` where Playwright and a Chromium are installed; skip
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import pytest
 
 from mcsettle.errors import InputError
 from mcsettle.report.build import read_report
-from mcsettle.report.pdf import find_browser, launch_options
+from mcsettle.report.pdf import find_browser
 from mcsettle.report.render import html
 
 pytestmark = pytest.mark.browser
@@ -35,20 +34,6 @@ SIZES = """() => [...document.querySelectorAll('.card svg')].map(s => {
 COLOURS = """() => { const b = getComputedStyle(document.body);
   return [b.backgroundColor, b.color,
           getComputedStyle(document.querySelector('.card svg text')).fill]; }"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    try:
-        path = find_browser()
-    except InputError as error:
-        pytest.skip(f"no browser: {error}")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as tool:
-        program = tool.chromium.launch(**launch_options(path))
-        yield program
-        program.close()
 
 
 @pytest.fixture(scope="module")

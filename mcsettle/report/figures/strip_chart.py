@@ -38,7 +38,7 @@ def _roughness(axes: Axes, history: LineHistory, track: str) -> None:
     """SD of the last run of a track, its limit, and what is left out."""
     here = history.track == track
     middle = 0.5 * (history.chainage_from + history.chainage_to) / 1000.0
-    width = (history.chainage_to - history.chainage_from) / 1000.0
+    width = history.lengths / 1000.0
     colour = np.where(history.last_sd >= history.sd_limit, COLOURS[1], COLOURS[0])
     axes.bar(
         middle[here], (history.last_sd / MM)[here], width[here], color=colour[here],
