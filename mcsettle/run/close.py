@@ -27,6 +27,7 @@ from mcsettle.run.status import (
     survey,
 )
 from mcsettle.run.surrogate import with_stored_errors
+from mcsettle.step_a.processes import ALONE, Together
 from mcsettle.step_a.transfers import StepA
 from mcsettle.storage import lock, shard_record, store
 from mcsettle.storage.foreign import is_ours, refuse_others_files
@@ -77,10 +78,12 @@ def close(
     members: list[ParameterSet],
     provenance: Provenance,
     prepared: StepA | None = None,
+    processes: Together = ALONE,
 ) -> list[str]:
     """Write the tables that follow from whole shards, and the manifest, last; returns remarks.
 
     ``prepared``: Step A of the central set; None: from the cache folder, or computed where needed.
+    ``processes`` share the work on the table ``sign_split``.
     """
     at.remove(MANIFEST)
     at.sweep()
@@ -92,7 +95,7 @@ def close(
     _write_parameters(at, study, members, provenance)
     _write_effects(at, study, members, provenance)
     remarks = _write_weights(at, study, fits, provenance)
-    write_sign_split(at, study, members, provenance, prepared)
+    write_sign_split(at, study, members, provenance, prepared, processes)
     _write_summary(at, study, provenance)
     store.finish(at, study.currency)
     return remarks

@@ -15,10 +15,10 @@ class RunOptions:
 
     ``realisations``, ``parameter_sets``, ``seed`` replace the study's own; ``exact`` updates after
     every axle passage. These decide the results, the rest does not: ``threads`` of Taichi (None: all
-    cores); ``batch``, realisations advanced at a time; ``processes`` spawned for Step A (more than 1
-    needs a main guard in the calling program); ``shards``, the slice to compute alone, leaving the run
-    open for ``close.gather``; ``shard_size``, realisations of a shard (else 2048); ``take_over`` locks
-    that processes of other hosts have left.
+    cores); ``batch``, realisations advanced at a time; ``processes`` for Step A and for large samples
+    (more than 1 are spawned and need a main guard in the calling program); ``shards``, the slice to
+    compute alone, leaving the run open for ``close.gather``; ``shard_size``, realisations of a shard
+    (else 2048); ``take_over`` locks that processes of other hosts have left.
     """
 
     realisations: int | None = None

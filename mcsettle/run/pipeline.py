@@ -18,8 +18,10 @@ from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard, Slice, all_shards, slice_of
 from mcsettle.run.status import held_shards, refuse_smaller
 from mcsettle.run.surrogate import Training, surrogate_remarks, with_errors
+from mcsettle.run.together import compute_together, worthwhile
 from mcsettle.run.train_surrogate import set_predictor
 from mcsettle.run.transfer_store import transfer_store
+from mcsettle.step_a.processes import together
 from mcsettle.step_a.transfers import StepA, TransferStore, step_a
 from mcsettle.storage import lock, store
 from mcsettle.storage.foreign import refuse_others_files, refuse_others_folder
@@ -97,10 +99,20 @@ def run_study(
     refuse_foreign(at, study)
     with lock.held(at, "run" if part is None else f"shards {part}", options.take_over):
         ready = prepare(study, at, options, progress)
-        job = ready.job
-        compute(job, ready.members, ready.todo, ready.central, ready.transfers)
+        job, members, central = ready.job, ready.members, ready.central
+        try:
+            with together(worthwhile(job, ready.todo)) as processes:
+                if processes.pool is None:
+                    compute(job, members, ready.todo, central, ready.transfers)
+                else:
+                    compute_together(job, members[0], ready.todo, central, processes)
+                if part is None:
+                    job.remarks += close(at, study, members, job.provenance, central, processes)
+        except BaseException:
+            if part is None:  # what processes that were ended had begun to write
+                at.sweep()
+            raise
         if part is None:
-            job.remarks += close(at, study, ready.members, job.provenance, ready.central)
             n_failed = count_failed(at)
         else:
             records = (read_record(at, shard.name, job.provenance) for shard in ready.shards)

@@ -14,6 +14,7 @@ import numpy as np
 from mcsettle.errors import InputError
 from mcsettle.railway.scene import Scene
 from mcsettle.run.columns import joined, nullable
+from mcsettle.step_a.processes import ALONE, Together
 from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import support_of
@@ -35,10 +36,12 @@ def write_sign_split(
     members: Sequence[ParameterSet],
     provenance: Provenance,
     prepared: StepA | None = None,
+    processes: Together = ALONE,
 ) -> None:
     """Write the table, if a scenario adds services to the baseline; what is there already stays.
 
-    ``prepared``: Step A of the central set; None: from the cache folder, or computed.
+    ``prepared``: Step A of the central set; None: from the cache folder, or computed. ``processes``
+    share the variants.
     """
     if not study.effects:
         return
@@ -52,11 +55,19 @@ def write_sign_split(
     if not pairs:
         return
     prepared = prepared or step_a(scenes)
-    parts = []
-    for _, of_variant in groupby(pairs, key=lambda pair: pair[0].variant):
-        forms: Forms = {}  # of the trains, which the scenarios of a variant share
-        parts += [_columns(base, other, prepared, range(n), forms) for base, other in of_variant]
+    tasks = []
+    for variant, of_variant in groupby(pairs, key=lambda pair: pair[0].variant):
+        tasks.append((list(of_variant), prepared.of_variant(variant), range(n)))
+    parts = [part for of in processes.map(_of_variant, tasks) for part in of]
     store.write(at, TABLE, NAME, joined(parts), provenance, 0, n - 1)
+
+
+def _of_variant(
+    pairs: list[tuple[Scene, Scene]], prepared: StepA, indices: range
+) -> list[dict[str, Any]]:
+    """Rows of every pair of baseline and scenario of one variant."""
+    forms: Forms = {}  # of the trains, which the scenarios of a variant share
+    return [_columns(base, other, prepared, indices, forms) for base, other in pairs]
 
 
 def _pairs(

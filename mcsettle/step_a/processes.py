@@ -1,13 +1,16 @@
-"""Processes of Step A: spawned, one BLAS thread each, and gone when their parent is."""
+"""Processes beside this one: spawned, one BLAS thread each, and gone when their parent is."""
 
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from typing import Any, TypeVar
 
+T = TypeVar("T")
 END = 5.0  # s that a process that was told to end is waited for
 # Environment of a spawned process: one BLAS thread; freed memory stays with it, because every
 # factorisation takes tens of megabytes whose pages the system would clear again each time (glibc).
@@ -47,6 +50,56 @@ def process_pool(n: int) -> Iterator[ProcessPoolExecutor]:
                 process.join(END)
             raise
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+class Together:
+    """Processes that share out tasks: those of ``pool`` and this one, or this one alone."""
+
+    def __init__(self, pool: ProcessPoolExecutor | None = None) -> None:
+        self.pool = pool
+
+    def map(
+        self,
+        function: Callable[..., T],
+        arguments: Sequence[tuple[Any, ...]],
+        told: Callable[[int], None] = lambda _: None,
+    ) -> list[T]:
+        """``function(*one)`` for each of ``arguments``; ``told`` of each that is done, by its index.
+
+        The others begin with the first, this process with the last. Where one of them has died this
+        process does the rest.
+        """
+        if self.pool is None:
+            return [function(*one) for one in arguments]
+        futures = [self.pool.submit(function, *one) for one in arguments]
+        found: dict[int, T] = {}
+        untold = set(range(len(futures)))
+        for i in reversed(range(len(futures))):
+            if futures[i].cancel():
+                found[i] = function(*arguments[i])
+            else:
+                try:
+                    found[i] = futures[i].result()
+                except BrokenProcessPool:
+                    found[i] = function(*arguments[i])
+            for k in sorted(untold):
+                if k in found or (futures[k].done() and not futures[k].cancelled()):
+                    untold.remove(k)
+                    told(k)
+        return [found[i] for i in range(len(futures))]
+
+
+@contextmanager
+def together(n: int) -> Iterator[Together]:
+    """``n`` processes, this one among them, for as long as the context lasts."""
+    if n < 2:
+        yield Together()
+        return
+    with process_pool(n - 1) as pool:
+        yield Together(pool)
+
+
+ALONE = Together()
 
 
 def _end_with_parent() -> None:

@@ -48,6 +48,10 @@ class StepA:
         digests = sorted({t.digest for group in self.transfers.values() for t in group})
         return hashlib.sha256("\n".join(digests).encode()).hexdigest()
 
+    def of_variant(self, variant: str) -> "StepA":
+        """Those of one variant, without remarks."""
+        return StepA({key: group for key, group in self.transfers.items() if key[0] == variant})
+
 
 class Ground(NamedTuple):
     """What a track response depends on; ``integration_depth`` m, ``settings`` None: the default."""

@@ -1,0 +1,75 @@
+"""Shards computed by several processes of this machine at once, one core each.
+
+A cycle jump is thousands of kernels of a millisecond with NumPy in between: a second thread wakes too
+late to help with either (measured: two are no quicker than one), a second process halves the time.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import groupby
+from multiprocessing import parent_process
+
+from mcsettle.railway.scene import Scene
+from mcsettle.run.compute import Job, advance
+from mcsettle.run.shards import Shard
+from mcsettle.step_a.processes import Together, cores
+from mcsettle.step_a.transfers import StepA
+from mcsettle.study.parameter_sets import ParameterSet
+
+WORTHWHILE = 16_384  # realisations; fewer are there before a process has started
+MOST_SHARDS = 8  # of a task, for which the engine is made once
+
+
+def worthwhile(job: Job, todo: list[Shard]) -> int:
+    """How many processes, this one among them, are worth their start."""
+    study, options = job.study, job.options
+    few = sum(len(shard.indices) for shard in todo) < WORTHWHILE
+    # Sets of parameters have processes for their Step A; long marches fill all threads.
+    if few or study.nested or study.run.stepping != "cycle_jump":
+        return 1
+    return min(options.processes, options.threads or cores(), len(list(_tasks(todo))))
+
+
+def compute_together(
+    job: Job, member: ParameterSet, todo: list[Shard], central: StepA, processes: Together
+) -> None:
+    """Write the shards ``todo`` of a study without parameter sets; remarks go to ``job`` in order."""
+    silent = replace(job, progress=None, remarks=[], options=replace(job.options, threads=None))
+    tasks, done = list(_tasks(todo)), Counter[tuple[str, str]]()
+    arguments = []
+    for shards in tasks:
+        _, variant, scenario = shards[0].group
+        own = central.of_variant(variant)  # what counts cycles may be a train of another scenario
+        arguments.append((silent, member, member.study.scene(variant, scenario), own, shards))
+
+    def told(index: int) -> None:
+        scene, shards = arguments[index][2], tasks[index]
+        pair = scene.variant, scene.scenario
+        done[pair] += sum(len(shard.indices) for shard in shards)
+        if job.progress is not None:
+            job.progress(f"Step B: {' '.join(pair)}", done[pair], job.study.run.realisations)
+
+    for remarks in processes.map(_advanced, arguments, told):
+        job.remarks += remarks
+
+
+def _tasks(todo: list[Shard]) -> Iterator[list[Shard]]:
+    """Shards of one scenario, a few at a time."""
+    for _, of_scenario in groupby(todo, key=lambda shard: shard.group):
+        shards = list(of_scenario)
+        for first in range(0, len(shards), MOST_SHARDS):
+            yield shards[first : first + MOST_SHARDS]
+
+
+def _advanced(
+    job: Job, member: ParameterSet, scene: Scene, prepared: StepA, shards: list[Shard]
+) -> list[str]:
+    """Compute shards of a scene, in whatever process; returns the remarks on it."""
+    from mcsettle.kernels import runtime
+
+    if parent_process() is not None:
+        runtime.start(1)
+    own = replace(job, remarks=[])
+    advance(own, member, scene, prepared, shards)
+    return own.remarks
