@@ -5,6 +5,7 @@ line; the other two say which part of a computation is missing or has failed.
 """
 
 import contextlib
+import re
 from collections.abc import Iterator
 
 
@@ -20,6 +21,10 @@ class NumericalError(RuntimeError):
     """A computation that did not converge, or produced something that is not a number."""
 
 
+# How the kernels' compiler and the system's threads say that there is no memory.
+_NO_MEMORY = re.compile(r"allocat.* failed|[Cc]annot allocate|Resource temporarily unavailable")
+
+
 @contextlib.contextmanager
 def computing() -> Iterator[None]:
     """Say in words that numbers have left what can be computed, as inputs far from any track make them.
@@ -28,9 +33,15 @@ def computing() -> Iterator[None]:
     ------
     NumericalError
         Instead of an overflow, a division by zero, or a matrix that is not one of numbers.
+    MemoryError
+        Instead of a library's own error where memory does not suffice.
     """
     try:
         yield
+    except RuntimeError as error:
+        if _NO_MEMORY.search(str(error)):
+            raise MemoryError(str(error)) from error
+        raise
     except (ArithmeticError, ValueError) as error:
         if isinstance(error, ValueError) and type(error).__name__ != "LinAlgError":  # NumPy's
             raise

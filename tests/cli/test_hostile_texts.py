@@ -2,6 +2,7 @@
 
 import io
 import json
+import subprocess
 import sys
 from dataclasses import asdict, replace
 
@@ -118,16 +119,46 @@ def test_closed_streams_are_borne(monkeypatch):
     sys.stderr.close()
 
 
-def test_memory_that_does_not_suffice_is_said(monkeypatch, toy_path):
+SCARCE = [
+    MemoryError(),
+    RuntimeError(
+        "[host_memory_pool.cpp:allocate_raw_memory@62] Virtual memory allocation (1 B) failed."
+    ),
+    RuntimeError("Resource temporarily unavailable"),  # of a thread
+]
+
+
+@pytest.mark.parametrize("error", SCARCE)
+def test_memory_that_does_not_suffice_is_said(monkeypatch, toy_path, error):
     from mcsettle.study import study
 
     def scarce(_):
-        raise MemoryError
+        raise error
 
     monkeypatch.setattr(study, "load_study", scarce)
     done = invoke("check", toy_path)
     assert done.exit_code == terminal.FAILED
     assert "memory that this process may use does not suffice" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of the address space")
+@pytest.mark.parametrize("gigabytes", [0.8, 1.25, 1.75, 2.5])
+def test_an_address_space_that_does_not_suffice_is_said(tmp_path, toy_path, gigabytes):
+    import resource
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (int(gigabytes * 1e9),) * 2)
+
+    for arguments in (["check", toy_path], ["run", toy_path, "--out", tmp_path / "run"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "mcsettle", *map(str, arguments)],
+            preexec_fn=limited,
+            capture_output=True,
+            text=True,
+        )
+        assert "Traceback" not in done.stderr
+        assert done.returncode == 0 or "memory" in done.stderr
 
 
 @pytest.mark.parametrize(
