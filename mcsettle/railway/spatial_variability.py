@@ -252,8 +252,8 @@ def refuse_unreachable(waves: FieldWaves, cov: float) -> None:
     largest = _band_coefficient(waves, LARGEST_LOG_SD / waves.point_share)
     if cov > largest:
         raise InputError(
-            f"spatial_variability.cov is {cov:g}; a lognormal field of these waves has at most "
-            f"{largest:.3g} in the profile's band"
+            f"received a cov of {cov:g}; a lognormal field of these waves has at most {largest:.3g} in "
+            "the profile's band"
         )
 
 

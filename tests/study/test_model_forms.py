@@ -122,6 +122,21 @@ def test_loads_that_cannot_be():
     assert "has neither" in text  # every fault at once
 
 
+@pytest.mark.parametrize(
+    ("distribution", "said"),
+    [
+        ("gaussian", "that is 5.92, and a gaussian"),
+        ("lognormal", "received a cov of 0.1; a lognormal"),
+    ],
+)
+def test_a_field_with_next_to_nothing_in_the_band(distribution, said):
+    field = {"cov": 0.1, "correlation_length_m": 1000.0, "distribution": distribution}
+    text = faults(profile={"shortest_m": 3.0, "longest_m": 3.1}, spatial_variability=field)
+    assert "spatial_variability.cov: received" in text
+    assert said in text
+    assert "at most 0.0" in text  # what would do
+
+
 @pytest.mark.usefixtures("fresh_cache")
 def test_a_run_with_every_form(tmp_path):
     """Fields, factors, bending and equivalent cycles together, the same whatever the batch."""
