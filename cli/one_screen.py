@@ -105,7 +105,7 @@ def _group(answers: "Answers", shown: list[str], asked: str, width: int) -> Iter
         summary = answers.summaries[name]
         spread = _range(summary.prices, unit.factor, places.get(name))
         rows.append((cut(name, 22), _change(answers, name), price, spread, USE[summary.verdict]))
-    yield from _columns(rows, width)
+    yield from _columns(rows, width, 1)  # a scenario's title stands below, its range only here
 
 
 def _reasons(answers: "Answers", shown: list[str], width: int) -> Iterator[str]:
@@ -147,7 +147,7 @@ def _intervals(answers: "Answers", width: int, most: int) -> Iterator[str]:
         )
     yield ""
     yield "When is the line tamped?"
-    yield from _columns(rows, width)
+    yield from _columns(rows, width, 3)
 
 
 def _remarks(answers: "Answers", width: int) -> Iterator[str]:
@@ -198,21 +198,20 @@ def _wrapped(text: str, width: int) -> list[str]:
     return textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="    ")
 
 
-def _columns(rows: "Sequence[tuple[str, ...]]", width: int) -> Iterator[str]:
+def _columns(rows: "Sequence[tuple[str, ...]]", width: int, spare: int) -> Iterator[str]:
     """Columns of text, the second cut to what the others leave; an indent before each line.
 
-    Where even that is too narrow the fourth column is dropped: digits never are.
+    Where even that is too narrow the column ``spare`` is left out: digits are never cut.
     """
     least = max(len(row[1]) for row in rows[1:]) if len(rows) > 1 else 0
     sizes = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    kept = list(range(len(sizes)))
     room = width - 2 - sum(sizes) + sizes[1] - 2 * (len(sizes) - 1)
     if room < min(least, 12):
-        rows = [(*row[:3], *row[4:]) for row in rows]
-        room += sizes.pop(3) + 2
+        kept.remove(spare)
+        room += sizes[spare] + 2
+    second = min(sizes[1], max(room, 3))
     for row in rows:
-        cells = [
-            row[0].ljust(sizes[0]),
-            cut(row[1], max(room, 3)).ljust(min(sizes[1], max(room, 3))),
-        ]
-        cells += [cell.rjust(size) for cell, size in zip(row[2:], sizes[2:], strict=True)]
-        yield ("  " + "  ".join(cells)).rstrip()
+        cells = [row[0].ljust(sizes[0]), cut(row[1], second).ljust(second)]
+        cells += [text.rjust(size) for text, size in zip(row[2:], sizes[2:], strict=True)]
+        yield ("  " + "  ".join(cells[i] for i in kept)).rstrip()

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
-from mcsettle.cli.one_screen import COLUMNS, LINES
+from mcsettle.cli.one_screen import COLUMNS, LINES, _columns
 
 DAYS = np.linspace(500.0, 900.0, 41)
 
@@ -39,6 +39,17 @@ def test_one_screen_has_the_answer(freight: Path) -> None:
                  "freight, 4000 t, 97 km/h", "half of the sections", "−5.0 %"):  # fmt: skip
         assert part in text
     assert re.search(r"C .* yes$", text, re.MULTILINE)
+
+
+def test_where_room_is_short_the_range_over_forms_stays() -> None:
+    rows = [("", "", "line mean (95 %)", "over forms", "supported"),
+            ("heavier", "heavy, 880 t, 200 km/h", "0.1969 (0.1892 to 0.2050)", "0.1969 to 1.7012",
+             "only as a range")]  # fmt: skip
+    lines = list(_columns(rows, COLUMNS, 1))
+    assert "0.1969 to 1.7012" in lines[1]
+    assert "heavy, 880" not in lines[1]
+    assert max(map(len, lines)) <= COLUMNS
+    assert "heavy, 880 t, 200 km/h" in list(_columns(rows, 100, 1))[1]
 
 
 def test_a_saving_has_its_sign_and_one_form_is_no_yes(tmp_path: Path) -> None:
