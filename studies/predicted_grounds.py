@@ -26,11 +26,11 @@ from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.surrogate import GroundPredictor
 from mcsettle.run.train_surrogate import set_predictor
-from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a.transfers import Predictor, TransferStore, step_a
 from mcsettle.study.candidates import candidates_of
 from mcsettle.study.parameter_sets import ParameterSet, all_sets
 from mcsettle.study.study import Study
+from mcsettle.study.transfer_store import transfer_store
 
 STUDY = Path(__file__).resolve().parent / "linespeed_ground.toml"
 TRACKS = range(64)

@@ -10,13 +10,13 @@ import numpy as np
 
 from mcsettle import economics
 from mcsettle.estimate.sample import effect_quantile, interval_quantile
-from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a.transfers import TransferStore, step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Outcome, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.effects import StudyEffect
 from mcsettle.study.study import Study
+from mcsettle.study.transfer_store import transfer_store
 from mcsettle.summary.results import INTERVAL
 from mcsettle.types import Progress
 

@@ -12,8 +12,7 @@ import numpy as np
 from mcsettle import economics
 from mcsettle.errors import InputError
 from mcsettle.estimate.conditioning import Conditioning, conditioned
-from mcsettle.run import columns as rows
-from mcsettle.run.columns import summary_columns
+from mcsettle.run import columns
 from mcsettle.run.factor_fit import Fit, read_fits, with_fits
 from mcsettle.run.shards import Shard, all_shards
 from mcsettle.run.sign_split import write_sign_split
@@ -36,8 +35,8 @@ from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.storage.shard_name import ShardName
 from mcsettle.study.effects import StudyEffect
-from mcsettle.study.parameter_sets import ParameterSet, all_sets
-from mcsettle.study.study import Study
+from mcsettle.study.parameter_sets import ParameterSet
+from mcsettle.study.run_inputs import RunInputs, run_inputs
 from mcsettle.summary.courses import courses
 from mcsettle.summary.results import CENSORED, INTERVAL, read_results, study_of
 from mcsettle.summary.sign_split import sign_rows
@@ -59,23 +58,21 @@ def gather(folder: Where, take_over: bool = False) -> Survey:
     refuse_other_code(at, read_provenance(at))  # before anything is written there
     refuse_others_files(at)
     with lock.held(at, "gather", take_over):
-        found = survey(at)
-        bad = [fault for fault in found.faults if fault.state != "failed"]
+        stand = survey(at)
+        bad = [fault for fault in stand.faults if fault.state != "failed"]
         if bad:
-            raise InputError(_incomplete(found, bad))
-        study = study_of(at)
-        refuse_smaller(at, held_shards(at), study)
-        members = all_sets(study)
-        if study.predicts_grounds:
-            members = with_stored_errors(members, at)
-        close(at, study, members, found.provenance)
+            raise InputError(_incomplete(stand, bad))
+        run = run_inputs(study_of(at))
+        refuse_smaller(at, held_shards(at), run.extent)
+        if run.predicts_grounds:
+            run = replace(run, sets=with_stored_errors(run.sets, at))
+        close(at, run, stand.provenance)
         return survey(at)
 
 
 def close(
     at: Place,
-    study: Study,
-    members: list[ParameterSet],
+    run: RunInputs,
     provenance: Provenance,
     prepared: StepA | None = None,
     processes: Together = ALONE,
@@ -87,17 +84,17 @@ def close(
     """
     at.remove(MANIFEST)
     at.sweep()
-    shards = all_shards(study, provenance.shard_realisations)
+    shards = all_shards(run.extent, provenance.shard_realisations)
     for name in _superseded(at, shards):  # first: the effects pair rows of one run only
         shard_record.remove_shard(at, name)
-    fits = read_fits(at, study)
-    members = [with_fits(study, m, fits[m.index]) if m.index in fits else m for m in members]
-    _write_parameters(at, study, members, provenance)
-    _write_effects(at, study, members, provenance)
-    remarks = _write_weights(at, study, fits, provenance)
-    write_sign_split(at, study, members, provenance, prepared, processes)
-    _write_summary(at, study, provenance)
-    store.finish(at, study.currency)
+    fits = read_fits(at, run)
+    run = with_fits(run, fits)
+    _write_parameters(at, run, provenance)
+    _write_effects(at, run, shards, provenance)
+    remarks = _write_weights(at, run, fits, provenance)
+    write_sign_split(at, run, provenance, prepared, processes)
+    _write_summary(at, run, provenance)
+    store.finish(at, run.currency)
     return remarks
 
 
@@ -107,11 +104,11 @@ def count_failed(at: Place) -> int:
     return int(np.sum(np.asarray(status) == "failed"))
 
 
-def _incomplete(found: Survey, bad: list[Fault]) -> str:
+def _incomplete(stand: Survey, bad: list[Fault]) -> str:
     named = "; ".join(f"{fault.shard}: {fault.reason}" for fault in bad[:MOST_NAMED])
     more = f"; and {len(bad) - MOST_NAMED} more" if len(bad) > MOST_NAMED else ""
     return (
-        f"'{found.folder}' has {found.n_whole} of {found.n_shards} shards ({named}{more}); run the "
+        f"'{stand.folder}' has {stand.n_whole} of {stand.n_shards} shards ({named}{more}); run the "
         "study into it again: only what is missing is computed"
     )
 
@@ -122,65 +119,61 @@ def _superseded(at: Place, shards: list[Shard]) -> set[str]:
     return {name for name in names if ShardName.read(name)} - {shard.name for shard in shards}
 
 
-def _write_parameters(
-    at: Place, study: Study, members: list[ParameterSet], provenance: Provenance
-) -> None:
+def _write_parameters(at: Place, run: RunInputs, provenance: Provenance) -> None:
     """The table ``parameters`` of a study with uncertain inputs."""
-    if not study.nested:
+    if not run.extent.nested:
         return
-    name = f"sets-000000-{len(members) - 1:06d}.parquet"
-    last = study.run.realisations - 1
-    store.write(at, "parameters", name, rows.parameter_columns(members), provenance, 0, last)
+    name = f"sets-000000-{len(run.sets) - 1:06d}.parquet"
+    table = columns.parameter_columns(run.sets, run.units)
+    store.write(at, "parameters", name, table, provenance, 0, run.extent.realisations - 1)
     for other in at.names("parameters"):
         if other != f"parameters/{name}" and is_ours(other):
             at.remove(other)
 
 
 def _write_weights(
-    at: Place, study: Study, fits: dict[int, dict[str, Fit]], provenance: Provenance
+    at: Place, run: RunInputs, fits: dict[int, dict[str, Fit]], provenance: Provenance
 ) -> list[str]:
     """The table ``weights`` of a study with observations; remarks on it."""
     name = "weights.parquet"
     at.remove(f"weights/{name}")
-    if not study.observed:
+    if not run.observations:
         return []
     results = read_results(at, finished=False)
-    found = []
-    for variant in study.variant_names:
-        if variant in study.fitted:
-            logs = np.array([fits[e][variant].log_evidence for e in range(study.n_sets)])
-            found.append(Conditioning(variant, logs))
+    conditionings = []
+    for variant in run.extent.variants:
+        if variant in run.fitted:
+            logs = np.array([fits[e][variant].log_evidence for e in range(run.extent.n_sets)])
+            conditionings.append(Conditioning(variant, logs))
         else:
             courses_of = courses(variant, results.realisations, results.history)
-            found.append(conditioned(variant, study.observations, courses_of))
-    last = study.run.realisations - 1
-    store.write(at, "weights", name, rows.weight_columns(found), provenance, 0, last)
-    return [f"{one.variant}: {one.remark}" for one in found if one.remark]
+            conditionings.append(conditioned(variant, run.observations, courses_of))
+    table = columns.weight_columns(conditionings)
+    store.write(at, "weights", name, table, provenance, 0, run.extent.realisations - 1)
+    return [f"{one.variant}: {one.remark}" for one in conditionings if one.remark]
 
 
-def _write_effects(
-    at: Place, study: Study, members: list[ParameterSet], provenance: Provenance
-) -> None:
+def _write_effects(at: Place, run: RunInputs, shards: list[Shard], provenance: Provenance) -> None:
     """Pair every scenario with its baselines, shard by shard: no more is held."""
-    if not study.effects:
+    if not run.effects:
         return
-    for shard in all_shards(study, provenance.shard_realisations):
-        member = members[shard.member]
+    for shard in shards:
+        member = run.sets[shard.member]
         effects = [e for e in member.study.effects.values() if e.scenario == shard.scenario]
         if effects:
-            own = _days(at, shard, provenance)
+            days = _days(at, shard, provenance)
             paired = []
             for effect in effects:
                 base = _days(at, replace(shard, scenario=effect.baseline), provenance)
-                paired.append(_paired(shard, member, effect, base, own))
-            columns, ends = rows.joined(paired), (shard.first, shard.last)
-            store.write(at, "effects", shard.name, columns, provenance, *ends, study.currency)
+                paired.append(_paired(shard, member, effect, base, days))
+            table, ends = columns.joined(paired), (shard.first, shard.last)
+            store.write(at, "effects", shard.name, table, provenance, *ends, run.currency)
 
 
 def _days(at: Place, shard: Shard, provenance: Provenance) -> tuple[np.ndarray, np.ndarray]:
     """Intervals and days censored at [R] of a shard, NaN for none."""
-    found = store.read_shard(at, "realisations", shard.name, provenance).sort_by("realisation")
-    return found[INTERVAL].to_numpy(), found[CENSORED].to_numpy()
+    rows = store.read_shard(at, "realisations", shard.name, provenance).sort_by("realisation")
+    return rows[INTERVAL].to_numpy(), rows[CENSORED].to_numpy()
 
 
 def _paired(
@@ -199,13 +192,13 @@ def _paired(
         prices.tamping_cost_per_track_km,
         prices.discount_rate,
     )
-    return rows.effect_columns(member, shard.variant, shard.indices, effect, effects)
+    return columns.effect_columns(member, shard.variant, shard.indices, effect, effects)
 
 
-def _write_summary(at: Place, study: Study, provenance: Provenance) -> None:
+def _write_summary(at: Place, run: RunInputs, provenance: Provenance) -> None:
     """The table ``summary``: every number of the summary with its error."""
     results = read_results(at, finished=False)
-    columns = summary_columns([*summary_rows(results), *sign_rows(results)])
-    if len(columns["variant"]):
-        last = study.run.realisations - 1
-        store.write(at, "summary", "summary.parquet", columns, provenance, 0, last)
+    table = columns.summary_columns([*summary_rows(results), *sign_rows(results)])
+    if len(table["variant"]):
+        last = run.extent.realisations - 1
+        store.write(at, "summary", "summary.parquet", table, provenance, 0, last)

@@ -1,6 +1,6 @@
 """Columns of the result tables from what the engine returned."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ from mcsettle.railway.scene import Scene
 from mcsettle.step_b.case import Outcome
 from mcsettle.storage.tables import input_column
 from mcsettle.study.effects import StudyEffect
-from mcsettle.study.key_units import units_of
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.summary.summary import SummaryRow
 from mcsettle.units import DAYS_PER_YEAR, MGT, MM
@@ -96,26 +95,29 @@ def effect_columns(
     }
 
 
-def parameter_columns(members: list[ParameterSet]) -> dict[str, Any]:
-    """Columns of the ``parameters`` table: every drawn input of every parameter set."""
+def parameter_columns(members: list[ParameterSet], units: Mapping[str, str]) -> dict[str, Any]:
+    """Columns of the ``parameters`` table: every drawn input of every parameter set.
+
+    ``units`` of the inputs by their columns, where they have one.
+    """
     rows = [(m.index, path, value) for m in members for path, value in m.values.items()]
-    units = units_of(members[0].study, dict.fromkeys(row[1] for row in rows))
     return {
         "parameter_set": np.array([row[0] for row in rows], np.int32),
         "input": [row[1] for row in rows],
         "value": [row[2] for row in rows],
-        "unit": [units[row[1]] for row in rows],
+        "unit": [units.get(input_column(row[1]), "1") for row in rows],
     }
 
 
-def weight_columns(found: Sequence[Conditioning]) -> dict[str, Any]:
+def weight_columns(conditionings: Sequence[Conditioning]) -> dict[str, Any]:
     """Columns of the ``weights`` table: every parameter set of every variant."""
-    sizes = [len(one.log_likelihood) for one in found]
-    logs = np.concatenate([one.log_likelihood for one in found])
+    logs = np.concatenate([one.log_likelihood for one in conditionings])
     return {
-        "variant": [one.variant for one, n in zip(found, sizes, strict=True) for _ in range(n)],
-        "parameter_set": np.concatenate([np.arange(n, dtype=np.int32) for n in sizes]),
-        "weight": np.concatenate([one.weights for one in found]),
+        "variant": [one.variant for one in conditionings for _ in one.log_likelihood],
+        "parameter_set": np.concatenate(
+            [np.arange(len(one.log_likelihood), dtype=np.int32) for one in conditionings]
+        ),
+        "weight": np.concatenate([one.weights for one in conditionings]),
         "log_likelihood": [float(v) if np.isfinite(v) else None for v in logs],
     }
 

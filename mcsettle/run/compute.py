@@ -10,7 +10,7 @@ import os
 import socket
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
@@ -37,9 +37,8 @@ from mcsettle.storage.foreign import LOGS
 from mcsettle.storage.location import Folder, Place
 from mcsettle.storage.provenance import Provenance
 from mcsettle.storage.shard_name import ShardName
-from mcsettle.study.key_units import input_units
-from mcsettle.study.parameter_sets import ParameterSet
-from mcsettle.study.study import Study
+from mcsettle.study.parameter_sets import ParameterSet, same_step_b
+from mcsettle.study.run_inputs import RunInputs
 from mcsettle.types import Progress
 
 BATCH = 2048  # realisations at a time, unless a run says otherwise
@@ -51,10 +50,10 @@ class Job:
     """What the parts of one run share.
 
     ``complete``: names of the shards that have a record; ``batch``: realisations advanced at a time,
-    fewer once memory did not suffice; ``units`` of the drawn inputs, by column.
+    fewer once memory did not suffice.
     """
 
-    study: Study
+    run: RunInputs
     at: Place
     provenance: Provenance
     options: RunOptions = RunOptions()
@@ -62,10 +61,8 @@ class Job:
     remarks: list[str] = field(default_factory=list)
     complete: set[str] = field(default_factory=set)
     batch: int = 0
-    units: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.units = input_units(self.study)
         self.batch = self.batch or self.options.batch or BATCH
 
     def is_whole(self, shard: Shard) -> bool:
@@ -76,7 +73,7 @@ class Job:
         """Write a shard and its record."""
         shard_record.write_shard(
             *(self.at, shard.name, tables, self.provenance, shard.indices, failure),
-            self.units,
+            self.run.units,
         )
 
     def log(self, event: str, shard: Shard, **more: Any) -> None:
@@ -92,64 +89,42 @@ class Job:
                 file.write(json.dumps(line) + "\n")
 
 
-def compute(
-    job: Job,
-    members: list[ParameterSet],
-    todo: list[Shard],
-    central: StepA,
-    transfers: TransferStore | None,
-) -> None:
+def compute(job: Job, todo: list[Shard], central: StepA) -> None:
     """Write the shards ``todo``: the main loop of Step B.
 
-    ``central``: Step A of a study without parameter sets; with them every set asks ``transfers``.
+    ``central``: Step A of a study without parameter sets; with them every set asks for its own.
     """
-    twins, latest = same_step_b(job.study, members), (-1, central)
-    with Prefetch(
-        {} if transfers is None else _scenes_of(members, todo),
-        transfers or TransferStore(),
-        job.options.processes,
-        job.progress,
-    ) as prefetch:
-        for group, shards in groupby(todo, key=lambda shard: shard.group):
-            index, variant, scenario = group
-            member, twin = members[index], twins[group]
-            if job.progress is not None and len(members) > 1:
-                job.progress("Parameter sets", index, len(members))
-            missing = [s for s in shards if twin == index or not copied(job, member, twin, s)]
-            if member.failure:
-                for shard in missing:
-                    job.write(shard, failed_tables(member, shard, member.failure))
-            elif missing:
-                if transfers is not None and latest[0] != index:
-                    prefetch.wait(index)
-                    scenes, processes = member.study.scenes, job.options.processes
-                    latest = index, step_a(scenes, job.progress, processes, transfers)
-                advance(job, member, member.study.scene(variant, scenario), latest[1], missing)
+    sets, transfers, processes = job.run.sets, job.run.transfers, job.options.processes
+    first = same_step_b(sets)
+    scenes = {} if transfers is None else _scenes_of(sets, todo)
+    with Prefetch(scenes, transfers or TransferStore(), processes, job.progress) as prefetch:
+        for index, of_set in groupby(todo, key=lambda shard: shard.member):
+            member, prepared = sets[index], central
+            if job.progress is not None and len(sets) > 1:
+                job.progress("Parameter sets", index, len(sets))
+            missing = [s for s in of_set if not copied(job, member, first[s.group], s)]
+            if missing and transfers is not None and not member.failure:
+                prefetch.wait(index)
+                prepared = step_a(member.scenes, job.progress, processes, transfers)
+            for scene in member.scenes if missing else ():
+                shards = [shard for shard in missing if shard.is_of(scene)]
+                if member.failure:
+                    for shard in shards:
+                        job.write(shard, failed_tables(member, scene, shard, member.failure))
+                elif shards:
+                    advance(job, member, scene, prepared, shards)
 
 
-def _scenes_of(members: list[ParameterSet], todo: list[Shard]) -> dict[int, tuple[Scene, ...]]:
+def _scenes_of(sets: list[ParameterSet], todo: list[Shard]) -> dict[int, tuple[Scene, ...]]:
     """Scenes of every parameter set that has shards to compute, by index."""
     indices = dict.fromkeys(shard.member for shard in todo)
-    return {i: members[i].study.scenes for i in indices if not members[i].failure}
+    return {i: sets[i].scenes for i in indices if not sets[i].failure}
 
 
-def same_step_b(study: Study, members: list[ParameterSet]) -> dict[tuple[int, str, str], int]:
-    """For every parameter set, variant and scenario the first set with the same rows of Step B."""
-    first: dict[tuple[str, str, str], int] = {}
-    sets = {}
-    for member in members:
-        for variant in study.variant_names:
-            for scenario in study.scenario_names:
-                key = member.failure or member.study.step_b_key(variant, scenario)
-                index = first.setdefault((variant, scenario, key), member.index)
-                sets[member.index, variant, scenario] = index
-    return sets
-
-
-def copied(job: Job, member: ParameterSet, twin: int, shard: Shard) -> bool:
-    """Take over the rows of the set ``twin``, which has the same Step B, if they are there."""
-    source = Shard(twin, shard.variant, shard.scenario, shard.first, shard.last, shard.nested)
-    if not job.is_whole(source):
+def copied(job: Job, member: ParameterSet, first: int, shard: Shard) -> bool:
+    """Take over the rows of ``first``, the first set with the same Step B, if they are there."""
+    source = replace(shard, member=first)
+    if first == member.index or not job.is_whole(source):
         return False
     tables = {}
     for table in shard_record.SHARDED:
@@ -194,8 +169,8 @@ def write_computed(
         realisations.append(columns.realisation_columns(member, scene, batch, outcome))
         history.append(columns.history_columns(member, scene, batch, outcome))
         done = batch.stop
-        if job.progress is not None and not job.study.nested:
-            job.progress(_stage(scene), done, job.study.run.realisations)
+        if job.progress is not None and not job.run.extent.nested:
+            job.progress(_stage(scene), done, job.run.extent.realisations)
     tables = {"history": columns.joined(history), "realisations": columns.joined(realisations)}
     job.write(shard, tables)
     seconds = round(time.monotonic() - started, 3)
@@ -285,13 +260,14 @@ def _right_hand_side(member: ParameterSet, scene: Scene, case: Case) -> tuple[st
     return "pointwise", [f'{text}; computed at every x and depth (right_hand_side = "pointwise")']
 
 
-def failed_tables(member: ParameterSet, shard: Shard, reason: str) -> dict[str, dict[str, Any]]:
+def failed_tables(
+    member: ParameterSet, scene: Scene, shard: Shard, reason: str
+) -> dict[str, dict[str, Any]]:
     """The rows of a shard that cannot be computed: every realisation failed, with the reason.
 
     Their initial profiles are known, so their SD at the start is; nothing else is.
     """
-    scene, n = member.study.scene(shard.variant, shard.scenario), len(shard.indices)
-    profiles = scene.profiles.sample(shard.indices)
+    n, profiles = len(shard.indices), scene.profiles.sample(shard.indices)
     sd = roughness(scene.wavenumbers, scene.window).sd(profiles)
     history = np.full((n, len(scene.sample_days)), np.nan)
     history[:, 0] = sd

@@ -202,9 +202,10 @@ def _settle(job: Work, number: int, error: BaseException) -> None:
         raise error
     shard = job.ready.shards[number]
     reason = f"{type(error).__name__}: {error}".splitlines()[0][:300]
-    member = job.ready.members[shard.member]
+    member = job.ready.job.run.sets[shard.member]
+    scene = next(scene for scene in member.scenes if shard.is_of(scene))
     text = f"the shard could not be computed ({reason})"
-    job.ready.job.write(shard, failed_tables(member, shard, text), failure=text)
+    job.ready.job.write(shard, failed_tables(member, scene, shard, text), failure=text)
     job.tally.answered += 1
     job.tally.failed[shard.name] = text
     job.tell(f"shard {shard.name} failed {RETRIES + 1} times: {reason}")

@@ -77,21 +77,21 @@ def run_distributed(
     _wants_distributed()
     options = options or RunOptions()
     study, at = options.applied_to(study), place(out)
-    refuse_foreign(at, study)
+    refuse_foreign(at, study.digest, study.seed)
     with lock.held(at, "run", options.take_over):
         ready = prepare(study, at, options, progress, start=False)
-        numbers, tally = _numbers(ready), Tally(len(ready.shards))
+        job, numbers, tally = ready.job, _numbers(ready), Tally(len(ready.shards))
         if numbers:
-            if not study.nested:
+            extent = job.run.extent
+            if not extent.nested:
                 share_step_a(at, ready.central)
-            digest, n = ready.job.provenance.digest, study.run.realisations
             with workers(scheduler, options.processes) as (address, share):
                 threads = options.threads or share
-                spec = RunSpec(at.where, digest, n, study.n_sets, threads, options.batch)
+                spec = RunSpec(at.where, job.provenance.digest, extent, threads, options.batch)
                 drive(Work(ready, numbers, tally, spec, tell), address, progress)
-        remarks = close(at, study, ready.members, ready.job.provenance, ready.central)
+        remarks = close(at, job.run, job.provenance, ready.central)
         n_failed = count_failed(at)
-    told = dict.fromkeys((*ready.job.remarks, *tally.remarks, *remarks))
+    told = dict.fromkeys((*job.remarks, *tally.remarks, *remarks))
     failed = (f"shard {name}: {why}" for name, why in tally.failed.items())
     return Finished(
         Path(str(out)), n_failed, (*told, *failed), True, tally.n_shards, tally.computed

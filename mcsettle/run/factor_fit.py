@@ -11,7 +11,7 @@ weights carry what the observations say of the other inputs, and the ensemble do
 sets.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,15 +19,15 @@ import numpy as np
 
 from mcsettle.estimate.conditioning import FIT_TRACKS
 from mcsettle.estimate.factor_posterior import OfFactors, Prior, factor_posterior
+from mcsettle.run.compute import Job
 from mcsettle.run.factor_model import FactorModel
-from mcsettle.step_a.transfers import StepA, TransferStore, step_a
+from mcsettle.run.shards import Shard
+from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.storage import store
 from mcsettle.storage.location import Place
 from mcsettle.storage.provenance import Provenance
-from mcsettle.study.parameter_sets import ParameterSet, all_sets
-from mcsettle.study.schema.uncertain import UncertainTable
-from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.study.parameter_sets import ParameterSet
+from mcsettle.study.run_inputs import RunInputs
 
 TABLE = "fits"
 
@@ -41,92 +41,72 @@ class Fit:
 
 
 def write_fits(
-    at: Place, study: Study, index: int, fits: Mapping[str, Fit], provenance: Provenance
+    at: Place, run: RunInputs, index: int, fits: Mapping[str, Fit], provenance: Provenance
 ) -> None:
     """Write the fits of one parameter set, by variant."""
     logs = [fit.log_evidence for fit in fits.values()]
     columns: dict[str, Any] = {
         "variant": list(fits),
         "parameter_set": np.full(len(fits), index, np.int32),
-        "input": [study.fitted[variant].input for variant in fits],
+        "input": [run.fitted[variant].path for variant in fits],
         "value": [fit.factor for fit in fits.values()],
         "log_evidence": [log if np.isfinite(log) else None for log in logs],
     }
     store.write(at, TABLE, f"set{index:06d}.parquet", columns, provenance)
 
 
-def read_fits(at: Place, study: Study) -> dict[int, dict[str, Fit]]:
+def read_fits(at: Place, run: RunInputs) -> dict[int, dict[str, Fit]]:
     """Fits by parameter set and variant that a folder holds."""
-    if not study.fitted or not any(at.names(TABLE)):
+    if not run.fitted or not any(at.names(TABLE)):
         return {}
-    found: dict[int, dict[str, Fit]] = {}
+    fits: dict[int, dict[str, Fit]] = {}
     for row in store.read(at, TABLE).to_pylist():
         log = -np.inf if row["log_evidence"] is None else row["log_evidence"]
-        found.setdefault(row["parameter_set"], {})[row["variant"]] = Fit(row["value"], log)
-    return found
+        fits.setdefault(row["parameter_set"], {})[row["variant"]] = Fit(row["value"], log)
+    return fits
 
 
-def with_fits(study: Study, member: ParameterSet, fits: Mapping[str, Fit]) -> ParameterSet:
-    """The parameter set with its factors as fitted."""
-    if not fits:
-        return member
-    own = {study.fitted[variant].input: fit.factor for variant, fit in fits.items()}
-    values = member.values | own
-    return replace(member, values=values, study=study.with_inputs(values))
-
-
-def fitted_sets(at: Place, study: Study) -> list[ParameterSet]:
-    """Every parameter set of ``study``, with the factors that the folder has fits of."""
-    fits = read_fits(at, study)
-    return [with_fits(study, member, fits.get(member.index, {})) for member in all_sets(study)]
+def with_fits(run: RunInputs, fits: Mapping[int, Mapping[str, Fit]]) -> RunInputs:
+    """The run with the factors of its parameter sets as fitted, of those that have ``fits``."""
+    factors = {
+        index: {run.fitted[variant].path: fit.factor for variant, fit in of_set.items()}
+        for index, of_set in fits.items()
+    }
+    sets = [m.with_values(factors[m.index]) if m.index in factors else m for m in run.sets]
+    return replace(run, sets=sets)
 
 
 COARSE, FEW_TRACKS = 13, 16  # factors over the whole prior, tracks of each (whatever the run has)
 FINE = 9  # factors across the posterior
 
 
-def fit_sets(
-    study: Study,
-    members: Sequence[ParameterSet],
-    needed: Collection[int],
-    at: Place,
-    provenance: Provenance,
-    shared_transfers: TransferStore,
-    progress: Progress | None = None,
-    processes: int = 1,
-) -> list[ParameterSet]:
-    """Members with their factors fitted: those in the folder, and those ``needed`` that are not.
+def fit_sets(job: Job, todo: Sequence[Shard]) -> RunInputs:
+    """The run with its factors fitted: those in the folder, and those that ``todo`` needs beside them.
 
     What is fitted is written there at once.
     """
-    held = read_fits(at, study)
-    found = []
-    for member in members:
-        if member.index in needed and member.index not in held:
-            if progress is not None:
-                progress("Fitting the factor of every set", member.index, len(members))
-            prepared = step_a(member.study.scenes, progress, processes, shared_transfers)
-            fits = {
-                variant: fit_factor(study, member, prepared, variant, entry)
-                for variant, entry in study.fitted.items()
-            }
-            write_fits(at, study, member.index, fits, provenance)
-            held[member.index] = fits
-        found.append(with_fits(study, member, held.get(member.index, {})))
-    return found
+    run, fits = job.run, read_fits(job.at, job.run)
+    for index in sorted({shard.member for shard in todo} - set(fits)):
+        member = run.sets[index]
+        if job.progress is not None:
+            job.progress("Fitting the factor of every set", index, len(run.sets))
+        prepared = step_a(member.scenes, job.progress, job.options.processes, run.transfers)
+        fits[index] = {
+            variant: fit_factor(run, member, prepared, variant) for variant in run.fitted
+        }
+        write_fits(job.at, run, index, fits[index], job.provenance)
+    return with_fits(run, fits)
 
 
-def fit_factor(
-    study: Study, member: ParameterSet, prepared: StepA, variant: str, entry: UncertainTable
-) -> Fit:
+def fit_factor(run: RunInputs, member: ParameterSet, prepared: StepA, variant: str) -> Fit:
     """Factor of one parameter set at its own share of the posterior, and the evidence.
 
     A set that no factor brings near the observations keeps its draw of the prior, with no weight.
     """
-    scenes = [member.study.scene(variant, name) for name in study.scenario_names]
-    model = FactorModel(scenes, prepared, study.observations)
-    path = entry.input
-    return draw_factor(model.likelihood, entry.built(), member.shares[path], member.values[path])
+    scenes = [scene for scene in member.scenes if scene.variant == variant]
+    model = FactorModel(scenes, prepared, run.observations)
+    path, prior = run.fitted[variant]
+    return draw_factor(model.likelihood, prior, member.shares[path], member.values[path])
 
 
 def draw_factor(likelihood: OfFactors, prior: Prior, share: float, of_prior: float) -> Fit:

@@ -5,7 +5,7 @@ and parameter set; each shard is written whole or not at all, so an interrupted 
 stopped and the tables do not depend on batches, threads, slices or pauses.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mcsettle
@@ -20,13 +20,12 @@ from mcsettle.run.status import held_shards, refuse_smaller
 from mcsettle.run.surrogate import Training, surrogate_remarks, with_errors
 from mcsettle.run.together import compute_together, worthwhile
 from mcsettle.run.train_surrogate import set_predictor
-from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a.processes import together
-from mcsettle.step_a.transfers import StepA, TransferStore, step_a
+from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.storage import lock, store
 from mcsettle.storage.foreign import refuse_others_files, refuse_others_folder
 from mcsettle.storage.location import Place, Where, place
-from mcsettle.storage.manifest import INPUTS, STUDY_FILE
+from mcsettle.storage.manifest import STUDY_FILE
 from mcsettle.storage.provenance import (
     LARGEST_TEXT,
     SHARD,
@@ -37,8 +36,8 @@ from mcsettle.storage.provenance import (
 )
 from mcsettle.storage.shard_record import read_record
 from mcsettle.study.candidates import candidates_of
-from mcsettle.study.parameter_sets import ParameterSet, all_sets
-from mcsettle.study.study import Study, resolved_toml
+from mcsettle.study.run_inputs import RunInputs, run_inputs
+from mcsettle.study.study import Study
 from mcsettle.summary.results import study_of
 from mcsettle.types import Progress
 
@@ -63,9 +62,7 @@ class Prepared:
     """What a run knows before its first shard."""
 
     job: Job
-    members: list[ParameterSet]
     central: StepA
-    transfers: TransferStore | None
     todo: list[Shard]
     shards: list[Shard]
 
@@ -96,18 +93,18 @@ def run_study(
     """
     options = options or RunOptions()
     study, at, part = options.applied_to(study), place(out), options.shards
-    refuse_foreign(at, study)
+    refuse_foreign(at, study.digest, study.seed)
     with lock.held(at, "run" if part is None else f"shards {part}", options.take_over):
         ready = prepare(study, at, options, progress)
-        job, members, central = ready.job, ready.members, ready.central
+        job, central = ready.job, ready.central
         try:
             with together(worthwhile(job, ready.todo)) as processes:
                 if processes.pool is None:
-                    compute(job, members, ready.todo, central, ready.transfers)
+                    compute(job, ready.todo, central)
                 else:
-                    compute_together(job, members[0], ready.todo, central, processes)
+                    compute_together(job, ready.todo, central, processes)
                 if part is None:
-                    job.remarks += close(at, study, members, job.provenance, central, processes)
+                    job.remarks += close(at, job.run, job.provenance, central, processes)
         except BaseException:
             if part is None:  # what processes that were ended had begun to write
                 at.sweep()
@@ -145,36 +142,33 @@ def prepare(
     """
     from mcsettle.kernels import runtime
 
-    members, present = all_sets(study), provenance_of(at)
+    run, present = run_inputs(study), provenance_of(at)
     size = options.shard_size or (SHARD if present is None else present.shard_realisations)
-    shards = slice_of(all_shards(study, size), options.shards)
-    transfers = transfer_store(study) if study.nested else None
-    valid = next((member.study for member in members if not member.failure), study)
-    scenes = (valid if study.grounds_table else study).scenes
-    central = step_a(scenes, progress, options.processes, transfers, check_speeds=True)
+    shards = slice_of(all_shards(run.extent, size), options.shards)
+    central = step_a(
+        run.central.scenes, progress, options.processes, run.transfers, check_speeds=True
+    )
     training = None
-    if transfers is not None and study.predicts_grounds:
-        training = set_predictor(candidates_of(study), transfers, options.processes, progress)
-        members = with_errors(members, transfers)
+    if run.transfers is not None and run.predicts_grounds:
+        candidates = candidates_of(study)
+        training = set_predictor(candidates, run.transfers, options.processes, progress)
+        run = replace(run, sets=with_errors(run.sets, run.transfers))
     if start:  # before anything starts it with other threads
         runtime.start(options.threads)
-    provenance = _provenance(study, central, size, training)
+    provenance = _provenance(run, central, size, training)
     same_study(at, provenance)
-    job = Job(study, at, provenance, options, progress, list(central.remarks), held_shards(at))
-    job.remarks += surrogate_remarks(members, training)
-    refuse_smaller(at, job.complete, study)
+    job = Job(run, at, provenance, options, progress, list(central.remarks), held_shards(at))
+    job.remarks += surrogate_remarks(run.sets, training)
+    refuse_smaller(at, job.complete, run.extent)
     todo = [shard for shard in shards if not (shard.name in job.complete and job.is_whole(shard))]
     store.prepare(at, provenance, finished=options.shards is not None and not todo)
-    _write_study(at, study, options.shards)
-    if transfers is not None and study.fitted:
-        needed = {shard.member for shard in todo}
-        members = fit_sets(
-            study, members, needed, at, provenance, transfers, progress, options.processes
-        )
-    return Prepared(job, members, central, transfers, todo, shards)
+    write_study(at, run, options.shards)
+    if run.fitted:
+        job.run = fit_sets(job, todo)
+    return Prepared(job, central, todo, shards)
 
 
-def refuse_foreign(at: Place, study: Study) -> None:
+def refuse_foreign(at: Place, digest: str, seed: int) -> None:
     """Refuse a folder of something else, another study or seed, before anything is computed.
 
     Raises
@@ -187,62 +181,49 @@ def refuse_foreign(at: Place, study: Study) -> None:
     if stored is not None:
         refuse_difference(
             {"study_digest": stored.study_digest, "seed": stored.seed},
-            {"study_digest": study.digest, "seed": study.seed},
+            {"study_digest": digest, "seed": seed},
             f"'{at}'",
             "give another folder",
         )
         refuse_others_files(at)
 
 
-def _write_study(at: Place, study: Study, part: Slice | None) -> None:
+def write_study(at: Place, run: RunInputs, part: Slice | None) -> None:
     """The study beside its results; slices that run side by side have to agree on it.
 
     The files that it names are copied into a folder of their own, so that the folder stands alone.
     """
-    inputs = _stored_inputs(study)
-    text = resolved_toml(study, {name: stored for name, (stored, _) in inputs.items()})
     try:
         before = at.text(STUDY_FILE, LARGEST_TEXT)
     except FileNotFoundError:
         before = ""
     if part is not None and before:
-        n, asked = study_of(at).run.realisations, study.run.realisations
+        n, asked = study_of(at).run.realisations, run.extent.realisations
         if n > asked:
             raise InputError(
                 f"'{at}' is a run of {n} realisations and this slice one of {asked}; "
                 "give every slice the same numbers"
             )
-    for stored, path in inputs.values():
+    for stored, path in run.files.items():
         if path.is_file():
             at.write(stored, path.read_bytes())
-    if text != before:
-        at.write(STUDY_FILE, text.encode())
+    if run.toml != before:
+        at.write(STUDY_FILE, run.toml.encode())
 
 
-def _stored_inputs(study: Study) -> dict[str, tuple[str, Path]]:
-    """Names that the study's files have in a results folder, and their paths, by key path.
-
-    Each has a folder of its own, so that none meets a file of the run or another input. A file outside
-    the study's folder stays there.
-    """
-    return {
-        key: (f"{INPUTS}/{key}/{Path(name).name}", path)
-        for key, (name, path) in study.input_files().items()
-        if not Path(name).is_absolute() and ".." not in Path(name).parts
-    }
-
-
-def _provenance(study: Study, prepared: StepA, size: int, training: Training | None) -> Provenance:
+def _provenance(
+    run: RunInputs, prepared: StepA, size: int, training: Training | None
+) -> Provenance:
     from mcsettle.kernels import backend, runtime, spectral
 
     return Provenance(
         package_version=mcsettle.__version__,
-        study_digest=study.digest,
+        study_digest=run.digest,
         transfer_digest=prepared.digest if training is None else training.digest,
-        seed=study.seed,
+        seed=run.seed,
         taichi_version=runtime.version(),
-        precision=study.run.precision,
-        lanes=spectral.LANES[study.run.precision],
+        precision=run.precision,
+        lanes=spectral.LANES[run.precision],
         shard_realisations=size,
         code_digest=code_digest(),
         surrogate="" if training is None else training.text,

@@ -19,6 +19,7 @@ from mcsettle.step_b.case import Case, Support, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.cycles import update_weights
 from mcsettle.step_b.stepwise import Stepwise
+from mcsettle.study.extent import extent_of
 from mcsettle.study.study import Study
 from mcsettle.types import Progress
 
@@ -62,26 +63,25 @@ def plan(
 
     ``passages``: axle passages of all realisations together.
     """
-    prepared = step_a(study.scenes, progress, processes)
-    pairs = [(v, s) for v in study.variant_names for s in study.scenario_names]
-    n, n_sets = study.run.realisations, study.n_sets
-    taken = pairs[:: math.ceil(len(pairs) / MOST_PROBES)]
+    extent, scenes = extent_of(study), study.scenes
+    prepared = step_a(scenes, progress, processes)
+    probed = scenes[:: math.ceil(len(scenes) / MOST_PROBES)]
+    n, rows = extent.realisations, extent.rows
     tracks = range(min(PROBED, n))
-    probes = [_probe(study, study.scene(*pair), prepared, tracks, threads) for pair in taken]
+    probes = [_probe(scene, prepared, tracks, threads) for scene in probed]
     seconds, passages = np.mean(probes, axis=0)
-    rows = n * len(pairs) * n_sets
     size = min(batch or BATCH, BATCH, n)
     modes = len(study.wavenumbers)
     return Plan(
-        scenarios=len(study.scenario_names),
-        variants=len(study.variant_names),
-        parameter_sets=n_sets,
+        scenarios=len(extent.scenarios),
+        variants=len(extent.variants),
+        parameter_sets=extent.n_sets,
         realisations=n,
         rows=rows,
         stepping=study.run.stepping,
         modes=modes,
         passages=float(passages * rows),
-        batches=math.ceil(n / size) * len(pairs) * n_sets,
+        batches=math.ceil(n / size) * extent.groups,
         batch=size,
         memory_mb=BASE_MB + size * (modes + 1) * 16 * STAGES / 1e6 + rows * 400 / 1e6,
         disk_mb=rows * (ROW_BYTES + SAMPLE_BYTES * len(study.sample_days)) / 1e6,
@@ -91,21 +91,20 @@ def plan(
 
 def is_long(study: Study) -> bool:
     """Whether a run is long enough for its plan to be worth a probe."""
-    rows = study.run.realisations * study.n_sets * len(study.scenarios) * len(study.variant_names)
     slow = study.run.stepping != "cycle_jump" or study.run.right_hand_side == "pointwise"
-    return rows > (100 if slow else 200_000)
+    return extent_of(study).rows > (100 if slow else 200_000)
 
 
 def _probe(
-    study: Study, scene: Scene, prepared: StepA, tracks: range, threads: int | None
+    scene: Scene, prepared: StepA, tracks: range, threads: int | None
 ) -> tuple[float, float]:
     """Seconds and axle passages a realisation."""
     from mcsettle.kernels import runtime
 
-    run, days, case = study.run, study.sample_days, build_case(scene, prepared)
+    case, days = build_case(scene, prepared), scene.sample_days
     profiles = scene.profiles.sample(tracks)
     support = support_of(scene, tracks, profiles)
-    jump_side = "spectral" if run.stepping != "cycle_jump" else run.right_hand_side
+    jump_side = "spectral" if scene.stepping != "cycle_jump" else scene.right_hand_side
     runtime.start(threads)
     jump = CycleJump(case, jump_side)
     jump.run(profiles[:1], days, support=support[:1])  # compiled
@@ -113,18 +112,17 @@ def _probe(
     outcome = jump.run(profiles, days, support=support)
     seconds = (time.perf_counter() - start) / len(profiles)
     passages = float(outcome.passages.mean())
-    if run.stepping == "cycle_jump":
+    if scene.stepping == "cycle_jump":
         return seconds, passages
-    rate = _marching(case, study, profiles, support)
+    rate = _marching(case, scene, profiles, support)
     trains = passages / case.timetable.passages_per_day
     trains *= sum(service.per_day for service in case.timetable.services)
-    return (passages if run.stepping == "every_axle" else trains) / rate, passages
+    return (passages if scene.stepping == "every_axle" else trains) / rate, passages
 
 
-def _marching(case: Case, study: Study, profiles: np.ndarray, support: Support) -> float:
+def _marching(case: Case, scene: Scene, profiles: np.ndarray, support: Support) -> float:
     """Updates of realisations a second, one launch measured."""
-    run = study.run
-    loads = Stepwise(case, run.stepping, run.right_hand_side, run.precision).loads
+    loads = Stepwise(case, scene.stepping, scene.right_hand_side, scene.precision).loads
     lanes = loads.begin(profiles, np.inf, support)
     first = update_weights(case, loads.plan, 0, 2)
     lanes.advance(*first, *loads.coefficients)  # compiled

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mcsettle.errors import InputError
+from mcsettle.railway.scene import Scene
 from mcsettle.storage.shard_name import ShardName, slug
-from mcsettle.study.study import Study
+from mcsettle.study.extent import Extent
 
 MOST_SHARDS = 5_000_000
 # Measured in docs/scale.md: of a shard whatever its rows, of a realisation, of an SD of its history.
@@ -53,6 +54,10 @@ class Shard:
     def group(self) -> tuple[int, str, str]:
         """What it shares with its neighbours."""
         return self.member, self.variant, self.scenario
+
+    def is_of(self, scene: Scene) -> bool:
+        """Whether it is of the variant and scenario of ``scene``."""
+        return (self.variant, self.scenario) == (scene.variant, scene.scenario)
 
 
 class Slice(NamedTuple):
@@ -97,31 +102,30 @@ def index_ranges(n: int, size: int) -> list[range]:
     return [range(first, min(n, first + size)) for first in range(0, n, size)]
 
 
-def n_shards(study: Study, size: int) -> int:
-    """Shards of a run of ``study``."""
-    groups = study.n_sets * len(study.variant_names) * len(study.scenario_names)
-    return groups * -(-study.run.realisations // size)
+def n_shards(extent: Extent, size: int) -> int:
+    """Shards of a run of ``extent``."""
+    return extent.groups * -(-extent.realisations // size)
 
 
-def all_shards(study: Study, size: int) -> list[Shard]:
-    """Every shard of a run of ``study``, neighbours together.
+def all_shards(extent: Extent, size: int) -> list[Shard]:
+    """Every shard of a run, of ``size`` realisations each, neighbours together.
 
     Raises
     ------
     InputError
         There are more than any folder can hold.
     """
-    if n_shards(study, size) > MOST_SHARDS:
+    if n_shards(extent, size) > MOST_SHARDS:
         raise InputError(
-            f"the run has {n_shards(study, size)} shards of {size} realisations; at most "
+            f"the run has {n_shards(extent, size)} shards of {size} realisations; at most "
             f"{MOST_SHARDS} are kept in one folder: give a larger shard_size= or split the study"
         )
     return [
-        Shard(member, variant, scenario, part.start, part.stop - 1, study.nested)
-        for member in range(study.n_sets)
-        for variant in study.variant_names
-        for scenario in study.scenario_names
-        for part in index_ranges(study.run.realisations, size)
+        Shard(member, variant, scenario, part.start, part.stop - 1, extent.nested)
+        for member in range(extent.n_sets)
+        for variant in extent.variants
+        for scenario in extent.scenarios
+        for part in index_ranges(extent.realisations, size)
     ]
 
 

@@ -23,8 +23,7 @@ from mcsettle.step_b.sign_split import JoinedTraffic, SignSplit, joined_traffic,
 from mcsettle.storage import parquet, store
 from mcsettle.storage.location import Place
 from mcsettle.storage.provenance import Provenance
-from mcsettle.study.parameter_sets import ParameterSet
-from mcsettle.study.study import Study
+from mcsettle.study.run_inputs import RunInputs
 
 PAIRS = 64  # tracks of each scenario, fewer where the run has fewer
 TABLE, NAME = "sign_split", "sign_split.parquet"
@@ -32,8 +31,7 @@ TABLE, NAME = "sign_split", "sign_split.parquet"
 
 def write_sign_split(
     at: Place,
-    study: Study,
-    members: Sequence[ParameterSet],
+    run: RunInputs,
     provenance: Provenance,
     prepared: StepA | None = None,
     processes: Together = ALONE,
@@ -43,12 +41,11 @@ def write_sign_split(
     ``prepared``: Step A of the central set; None: from the cache folder, or computed. ``processes``
     share the variants.
     """
-    if not study.effects:
+    if not run.effects:
         return
-    valid = next((member.study for member in members if not member.failure), study)
-    scenes = (valid if study.grounds_table else study).scenes  # as Step A of the run takes them
-    pairs = _pairs(scenes, [(e.baseline, e.scenario) for e in study.effects.values()])
-    n = min(study.run.realisations, PAIRS)
+    scenes = run.central.scenes
+    pairs = _pairs(scenes, run.effects)
+    n = min(run.extent.realisations, PAIRS)
     if pairs and _is_written(at, provenance, n):
         return
     at.remove(f"{TABLE}/{NAME}")
@@ -75,7 +72,7 @@ def _pairs(
 ) -> list[tuple[Scene, Scene]]:
     """Baseline and scenario of every variant and effect that can be split."""
     by_name = {(scene.variant, scene.scenario): scene for scene in scenes}
-    found = []
+    pairs = []
     for variant in dict.fromkeys(scene.variant for scene in scenes):
         for baseline, scenario in effects:
             base, scene = by_name[variant, baseline], by_name[variant, scenario]
@@ -83,8 +80,8 @@ def _pairs(
             # Where N before counts the scenario's own mix it cannot be held while the traffic changes.
             held = model.cycles != "equivalent" or model.equivalence_history != "mix"
             if held and _adds(base, scene):
-                found.append((base, scene))
-    return found
+                pairs.append((base, scene))
+    return pairs
 
 
 def _adds(base: Scene, other: Scene) -> bool:
@@ -103,15 +100,15 @@ def _columns(
     traffic, scene, joint = _joined(base, other, prepared)
     case = build_case(scene, joint)
     profiles = scene.profiles.sample(indices)
-    found = sign_split(case, traffic, profiles, support_of(scene, indices, profiles), forms)
+    split = sign_split(case, traffic, profiles, support_of(scene, indices, profiles), forms)
     n = len(indices)
     return {
         "variant": [scene.variant] * n,
         "scenario": [scene.scenario] * n,
         "baseline": [base.scenario] * n,
         "realisation": np.arange(n) + indices.start,
-        "status": ["censored" if np.isnan(v) else "paired" for v in found.reduction],
-        **_numbers(found),
+        "status": ["censored" if np.isnan(v) else "paired" for v in split.reduction],
+        **_numbers(split),
     }
 
 
@@ -126,7 +123,7 @@ def _joined(base: Scene, other: Scene, prepared: StepA) -> tuple[JoinedTraffic, 
     return traffic, scene, StepA({**prepared.transfers, of_other: traffic.transfers})
 
 
-def _numbers(found: SignSplit) -> dict[str, list[float | None]]:
+def _numbers(split: SignSplit) -> dict[str, list[float | None]]:
     names = {
         "reduction": "reduction_percent",
         "by_roughening": "reduction_by_roughening_percent",
@@ -135,7 +132,7 @@ def _numbers(found: SignSplit) -> dict[str, list[float | None]]:
         "break_even": "break_even_ratio",
         "leverage": "leverage",
     }
-    return {column: nullable(getattr(found, name)) for name, column in names.items()}
+    return {column: nullable(getattr(split, name)) for name, column in names.items()}
 
 
 def _is_written(at: Place, provenance: Provenance, n: int) -> bool:

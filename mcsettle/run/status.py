@@ -11,7 +11,7 @@ from mcsettle.storage.location import Place, Where, place
 from mcsettle.storage.manifest import STUDY_FILE
 from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.storage.shard_name import ShardName
-from mcsettle.study.study import Study
+from mcsettle.study.extent import Extent, extent_of
 from mcsettle.summary.results import study_of
 
 
@@ -66,8 +66,9 @@ def survey(folder: Where) -> Survey:
     """
     at = place(folder)
     provenance, study = read_provenance(at), study_of(at)
-    _refuse_other(at, provenance, study)
-    shards = all_shards(study, provenance.shard_realisations)
+    _refuse_other(at, provenance, study.digest)
+    extent = extent_of(study)
+    shards = all_shards(extent, provenance.shard_realisations)
     total, whole = dict[tuple[str, str], int](), dict[tuple[str, str], int]()
     faults, n_failed = [], 0
     held = held_shards(at)
@@ -84,8 +85,8 @@ def survey(folder: Where) -> Survey:
     return Survey(
         folder=str(at),
         provenance=provenance,
-        realisations=study.run.realisations,
-        parameter_sets=study.n_sets,
+        realisations=extent.realisations,
+        parameter_sets=extent.n_sets,
         shards=total,
         whole={key: whole.get(key, 0) for key in total},
         n_failed=n_failed,
@@ -103,7 +104,7 @@ def held_shards(at: Place) -> set[str]:
     return {name.removesuffix(".json") + ".parquet" for name in names if name.endswith(".json")}
 
 
-def refuse_smaller(at: Place, held: set[str], study: Study) -> None:
+def refuse_smaller(at: Place, held: set[str], extent: Extent) -> None:
     """Refuse a folder that already holds more than is asked for.
 
     Raises
@@ -115,8 +116,8 @@ def refuse_smaller(at: Place, held: set[str], study: Study) -> None:
     ends = [name.last + 1 for name in names]
     sets = [1 if name.parameter_set is None else name.parameter_set + 1 for name in names]
     for kind, n, asked in (
-        ("realisations", max(ends, default=0), study.run.realisations),
-        ("parameter sets", max(sets, default=0), study.n_sets),
+        ("realisations", max(ends, default=0), extent.realisations),
+        ("parameter sets", max(sets, default=0), extent.n_sets),
     ):
         if n > asked:
             raise InputError(
@@ -145,11 +146,14 @@ def _is_finished(at: Place) -> tuple[bool, str]:
     return True, ""
 
 
-def _refuse_other(at: Place, provenance: Provenance, study: Study) -> None:
-    """Refuse a folder whose study is not the one its provenance names, or of another version."""
-    if study.digest != provenance.study_digest:
+def _refuse_other(at: Place, provenance: Provenance, digest: str) -> None:
+    """Refuse a folder whose study is not the one its provenance names, or of another version.
+
+    ``digest`` of the study.
+    """
+    if digest != provenance.study_digest:
         raise InputError(
-            f"'{at}/{STUDY_FILE}' is not the study of this run (its digest is {study.digest}, the "
+            f"'{at}/{STUDY_FILE}' is not the study of this run (its digest is {digest}, the "
             f"run's {provenance.study_digest}); run the study into the folder again"
         )
     if provenance.package_version != mcsettle.__version__:

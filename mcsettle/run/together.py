@@ -23,32 +23,31 @@ MOST_SHARDS = 8  # of a task, for which the engine is made once
 
 def worthwhile(job: Job, todo: list[Shard]) -> int:
     """How many processes, this one among them, are worth their start."""
-    study, options = job.study, job.options
+    run, options = job.run, job.options
     few = sum(len(shard.indices) for shard in todo) < WORTHWHILE
     # Sets of parameters have processes for their Step A; long marches fill all threads.
-    if few or study.nested or study.run.stepping != "cycle_jump":
+    if few or run.extent.nested or run.stepping != "cycle_jump":
         return 1
     return min(options.processes, options.threads or cores(), len(list(_tasks(todo))))
 
 
-def compute_together(
-    job: Job, member: ParameterSet, todo: list[Shard], central: StepA, processes: Together
-) -> None:
+def compute_together(job: Job, todo: list[Shard], central: StepA, processes: Together) -> None:
     """Write the shards ``todo`` of a study without parameter sets; remarks go to ``job`` in order."""
     silent = replace(job, progress=None, remarks=[], options=replace(job.options, threads=None))
     tasks, done = list(_tasks(todo)), Counter[tuple[str, str]]()
-    arguments = []
+    member, arguments = job.run.sets[0], []
+    scenes = {(scene.variant, scene.scenario): scene for scene in member.scenes}
     for shards in tasks:
-        _, variant, scenario = shards[0].group
-        own = central.of_variant(variant)  # what counts cycles may be a train of another scenario
-        arguments.append((silent, member, member.study.scene(variant, scenario), own, shards))
+        scene = scenes[shards[0].group[1:]]
+        prepared = central.of_variant(scene.variant)  # another scenario's train may count cycles
+        arguments.append((silent, member, scene, prepared, shards))
 
     def told(index: int) -> None:
         scene, shards = arguments[index][2], tasks[index]
         pair = scene.variant, scene.scenario
         done[pair] += sum(len(shard.indices) for shard in shards)
         if job.progress is not None:
-            job.progress(f"Step B: {' '.join(pair)}", done[pair], job.study.run.realisations)
+            job.progress(f"Step B: {' '.join(pair)}", done[pair], job.run.extent.realisations)
 
     for remarks in processes.map(_advanced, arguments, told):
         job.remarks += remarks

@@ -11,28 +11,30 @@ import os
 import shutil
 import tempfile
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
 from mcsettle.errors import InputError
+from mcsettle.railway.scene import Scene
 from mcsettle.run import compute
-from mcsettle.run.factor_fit import fitted_sets
+from mcsettle.run.factor_fit import read_fits, with_fits
 from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard, all_shards
 from mcsettle.run.status import held_shards, refuse_other_code
 from mcsettle.run.surrogate import with_errors
 from mcsettle.run.train_surrogate import set_predictor
-from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a.transfer_file import load, save
-from mcsettle.step_a.transfers import StepA, TransferStore, step_a
+from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.step_b.engine import Engine
 from mcsettle.storage.files import cache_folder
 from mcsettle.storage.location import Place, place
 from mcsettle.storage.provenance import read_json, read_provenance
 from mcsettle.storage.shard_record import read_record
 from mcsettle.study.candidates import candidates_of
-from mcsettle.study.parameter_sets import ParameterSet
+from mcsettle.study.extent import Extent, extent_of
+from mcsettle.study.parameter_sets import ParameterSet, same_step_b
+from mcsettle.study.run_inputs import run_inputs
 from mcsettle.summary.results import study_of
 
 STEP_A = ".step_a"
@@ -43,15 +45,14 @@ _state: "WorkerState | None" = None
 
 
 class RunSpec(NamedTuple):
-    """What a worker is to work on: a folder or URL, the run in it and its size, and how.
+    """What a worker is to work on: a folder or URL, the run in it and its extent, and how.
 
     Runs of one provenance differ in where they lie and in how many rows they have.
     """
 
     where: str
     provenance: str
-    realisations: int
-    parameter_sets: int
+    extent: Extent
     threads: int | None
     batch: int | None
 
@@ -71,36 +72,37 @@ class WorkerState:
 
     spec: RunSpec
     job: compute.Job
-    members: list[ParameterSet]
-    twins: dict[tuple[int, str, str], int]
+    first: dict[tuple[int, str, str], int]  # set with the same Step B
     shards: list[Shard]
-    transfers: TransferStore | None
     group: tuple[int, str, str] | None = None
+    scene: Scene | None = None
     engine: Engine | None = None
     prepared: dict[int, StepA] = field(default_factory=dict)
 
     def make(self, shard: Shard) -> None:
         """Write a shard: computed, taken over from a set with the same rows, or failed for a reason."""
-        member, twin = self.members[shard.member], self.twins[shard.group]
-        if twin != shard.member and compute.copied(self.job, member, twin, shard):
+        job, member = self.job, self.job.run.sets[shard.member]
+        if compute.copied(job, member, self.first[shard.group], shard):
             return
+        if self.scene is None or self.group != shard.group:
+            self.scene = next(scene for scene in member.scenes if shard.is_of(scene))
+            self.group, self.engine = shard.group, None
         if member.failure:
-            self.job.write(shard, compute.failed_tables(member, shard, member.failure))
+            job.write(shard, compute.failed_tables(member, self.scene, shard, member.failure))
             return
-        scene = member.study.scene(shard.variant, shard.scenario)
-        if self.engine is None or self.group != shard.group:
+        if self.engine is None:
             if shard.member not in self.prepared:
                 self.prepared = {shard.member: self._step_a(member)}
-            self.job.remarks.clear()  # each answer has those of its own scenario
+            job.remarks.clear()  # each answer has those of its own scenario
             prepared = self.prepared[shard.member]
-            self.engine = compute.engine_of(self.job, member, scene, prepared)
-            self.group = shard.group
-        compute.write_computed(self.job, member, scene, self.engine, shard)
+            self.engine = compute.engine_of(job, member, self.scene, prepared)
+        compute.write_computed(job, member, self.scene, self.engine, shard)
 
     def _step_a(self, member: ParameterSet) -> StepA:
-        if self.transfers is None:
+        transfers = self.job.run.transfers
+        if transfers is None:
             return read_step_a(self.job.at)
-        return step_a(member.study.scenes, store=self.transfers)
+        return step_a(member.scenes, store=transfers)
 
 
 def work(spec: RunSpec, number: int) -> Done:
@@ -120,8 +122,8 @@ def work(spec: RunSpec, number: int) -> Done:
         computed = not state.job.is_whole(shard)
         if computed:
             state.make(shard)
-        found = read_record(state.job.at, shard.name, state.job.provenance)
-        n_failed = 0 if found is None else found.n_failed
+        record = read_record(state.job.at, shard.name, state.job.provenance)
+        n_failed = 0 if record is None else record.n_failed
         return Done(number, computed, n_failed, tuple(dict.fromkeys(state.job.remarks)))
 
 
@@ -151,19 +153,19 @@ def read_step_a(at: Place) -> StepA:
     """
     try:
         index = read_json(at, INDEX, LARGEST_INDEX)
-        found = {}
+        by_digest = {}
         with tempfile.TemporaryDirectory() as folder:
             for digest in {d for part in index.values() for group in part.values() for d in group}:
                 path = Path(folder) / "transfer.npz"
                 path.write_bytes(at.read(f"{STEP_A}/{digest}.npz"))
-                found[digest] = load(path)
-                if found[digest].digest != digest:
+                by_digest[digest] = load(path)
+                if by_digest[digest].digest != digest:
                     raise InputError(f"'{at}/{STEP_A}/{digest}.npz' holds another file")
     except (FileNotFoundError, AttributeError, TypeError) as error:
         raise InputError(f"'{at}/{STEP_A}' is damaged ({error}); start the run again") from error
     return StepA(
         {
-            (variant, scenario): tuple(found[digest] for digest in group)
+            (variant, scenario): tuple(by_digest[digest] for digest in group)
             for variant, part in index.items()
             for scenario, group in part.items()
         }
@@ -176,8 +178,7 @@ def _set_up(spec: RunSpec) -> WorkerState:
     _own_kernels()
     at = place(spec.where)
     provenance, study = read_provenance(at), study_of(at)
-    seen = provenance.digest, study.run.realisations, study.n_sets
-    if seen != spec[1:4]:
+    if (provenance.digest, extent_of(study)) != (spec.provenance, spec.extent):
         raise InputError(f"'{at}' is not the folder of this run as this worker sees it")
     refuse_other_code(at, provenance)
     compiler = f"{backend.NAME} {runtime.version()}"
@@ -190,17 +191,15 @@ def _set_up(spec: RunSpec) -> WorkerState:
             f"a worker is to use {spec.threads} threads and has begun with another number; give "
             "threads= that number, or start the workers again"
         ) from None
-    held = held_shards(at)
+    run = run_inputs(study)
+    run = with_fits(run, read_fits(at, run))
+    if run.transfers is not None and run.predicts_grounds:
+        set_predictor(candidates_of(study), run.transfers)
+        run = replace(run, sets=with_errors(run.sets, run.transfers))
     options = RunOptions(threads=spec.threads, batch=spec.batch)
-    job = compute.Job(study, at, provenance, options, complete=held)
-    transfers = transfer_store(study) if study.nested else None
-    members = fitted_sets(at, study)
-    if transfers is not None and study.predicts_grounds:
-        set_predictor(candidates_of(study), transfers)
-        members = with_errors(members, transfers)
-    shards = all_shards(study, provenance.shard_realisations)
-    twins = compute.same_step_b(study, members)
-    return WorkerState(spec, job, members, twins, shards, transfers)
+    job = compute.Job(run, at, provenance, options, complete=held_shards(at))
+    shards = all_shards(run.extent, provenance.shard_realisations)
+    return WorkerState(spec, job, same_step_b(run.sets), shards)
 
 
 def _own_kernels() -> None:

@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 from mcsettle.railway.scene import Scene
-from mcsettle.study.parameter_sets import first_sets
+from mcsettle.study.parameter_sets import CENTRAL, first_sets
 from mcsettle.study.schema.step_a import StepATable
 from mcsettle.study.study import Study
 
 POOL = 512  # first draws
-CENTRAL = -1  # the study's own inputs among the sets
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +28,7 @@ def candidates_of(study: Study) -> Candidates:
     """The study's own inputs and its first draws, or all of its grounds."""
     members, table = first_sets(study, POOL), study.step_a_table
     indices = [member.index for member in members]
-    scenes = [member.study.scenes for member in members]
+    scenes = [member.scenes for member in members]
     if study.grounds_table is None:
         indices, scenes = [CENTRAL, *indices], [study.scenes, *scenes]
     baseline = study.reference_scenario

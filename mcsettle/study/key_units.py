@@ -1,6 +1,6 @@
 """Units of the inputs, from the schema of the study file: the name of a key is no unit."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -13,17 +13,12 @@ from mcsettle.study.written import study_data
 DERIVED = {"step_a.error_percent": "%"}
 
 
-def units_of(study: StudyTables, paths: Iterable[str]) -> dict[str, str]:
-    """Units of the inputs at the key ``paths`` of ``study``; "1" of a plain number."""
-    data = study_data(study)
-    return {path: DERIVED.get(path) or unit_at(data, path) for path in paths}
-
-
 def input_units(study: StudyTables) -> dict[str, str]:
     """Units of the uncertain inputs of ``study``, by their columns in ``realisations``."""
-    paths = [path for entry in study.uncertain for path in entry.paths]
-    paths += DERIVED if study.predicts_grounds else ()
-    return {input_column(path): unit for path, unit in units_of(study, paths).items()}
+    data = study_data(study)
+    units = {path: unit_at(data, path) for entry in study.uncertain for path in entry.paths}
+    units |= DERIVED if study.predicts_grounds else {}
+    return {input_column(path): unit for path, unit in units.items()}
 
 
 def unit_at(data: Any, path: str) -> str:

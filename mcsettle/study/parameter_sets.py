@@ -4,18 +4,21 @@ A row is an address, not a draw: it depends on the study's seed, its uncertain i
 more sets leave the earlier ones as they are, and scenarios and variants share them.
 """
 
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from mcsettle.errors import InputError
 from mcsettle.railway.ground_profiles import Ground, slab_materials, slabs
+from mcsettle.railway.scene import Scene
 from mcsettle.study.schema.grounds import GroundsTable
 from mcsettle.study.study import Study
 from mcsettle.study.uncertain import normal_scores_correlation
 
+CENTRAL = -1  # index of the study's own inputs among its sets
 STREAM = 0x50BA1  # keeps these draws apart from those of the profiles
 LARGEST_SEQUENCE = 2**20
 
@@ -24,8 +27,8 @@ LARGEST_SEQUENCE = 2**20
 class ParameterSet:
     """One draw: ``values`` by key path (in the unit of the key), and the study that has them.
 
-    ``shares`` are the cumulative probabilities drawn, by input.
-    ``failure``: why it cannot be run, if it cannot.
+    ``shares`` are the cumulative probabilities drawn, by input; ``failure``: why it cannot be run, if it
+    cannot; ``drawn_from``: the study whose inputs are uncertain.
     """
 
     index: int
@@ -33,6 +36,18 @@ class ParameterSet:
     study: Study
     shares: dict[str, float] = field(default_factory=dict)
     failure: str = ""
+    drawn_from: Study | None = None
+
+    @property
+    def scenes(self) -> tuple[Scene, ...]:
+        """The scene of every variant and scenario, variants outermost."""
+        return self.study.scenes
+
+    def with_values(self, values: dict[str, float]) -> "ParameterSet":
+        """The set with some of its drawn values replaced."""
+        assert self.drawn_from is not None
+        replaced = self.values | values
+        return replace(self, values=replaced, study=self.drawn_from.with_inputs(replaced))
 
 
 def unit_draws(study: Study, n_sets: int | None = None) -> np.ndarray:
@@ -72,8 +87,6 @@ def all_sets(study: Study) -> list[ParameterSet]:
         A draw that the study would refuse (inputs that are each possible may not be together).
     """
     if study.grounds_table is not None:
-        from mcsettle.study.parameter_sets import ground_sets
-
         return ground_sets(study)
     if not study.uncertain:
         return [ParameterSet(0, {}, study)]
@@ -106,13 +119,26 @@ def _parameter_set(study: Study, index: int, shares: np.ndarray, row: np.ndarray
         for path in entry.paths
     }
     try:
-        return ParameterSet(index, values, study.with_inputs(values), drawn)
+        return ParameterSet(index, values, study.with_inputs(values), drawn, drawn_from=study)
     except InputError as error:
         reason = "\n".join(str(error).splitlines()[1:])
         raise InputError(
             f"parameter set {index} cannot be used:\n{reason}\n"
             "narrow the distributions that lead there, or correlate them"
         ) from None
+
+
+def same_step_b(members: Sequence[ParameterSet]) -> dict[tuple[int, str, str], int]:
+    """For every parameter set, variant and scenario the first set with the same rows of Step B."""
+    first: dict[tuple[str, str, str], int] = {}
+    same = {}
+    for member in members:
+        for variant in member.study.variant_names:
+            for scenario in member.study.scenario_names:
+                key = member.failure or member.study.step_b_key(variant, scenario)
+                index = first.setdefault((variant, scenario, key), member.index)
+                same[member.index, variant, scenario] = index
+    return same
 
 
 LAW = ("settlement_a", "settlement_b", "settlement_m", "strength_pa")
@@ -125,7 +151,7 @@ def ground_sets(study: Study) -> list[ParameterSet]:
     A ground that cannot be run has its reason in ``failure`` and the study's own track.
     """
     segments: dict[str, int] = {}
-    found = []
+    members = []
     for index, ground in enumerate(study.grounds()[: study.n_sets]):
         number = segments.setdefault(ground.segment, len(segments) + 1)
         values = {
@@ -134,10 +160,10 @@ def ground_sets(study: Study) -> list[ParameterSet]:
             "ground.probability": ground.probability,
         }
         try:
-            found.append(ParameterSet(index, values, ground_study(study, ground)))
+            members.append(ParameterSet(index, values, ground_study(study, ground)))
         except InputError as error:
-            found.append(ParameterSet(index, values, study, failure=_reason(ground, error)))
-    return found
+            members.append(ParameterSet(index, values, study, failure=_reason(ground, error)))
+    return members
 
 
 def ground_study(study: Study, ground: Ground) -> Study:

@@ -23,8 +23,10 @@ from mcsettle.storage.location import place
 from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import read_provenance
 from mcsettle.storage.shard_record import fault, read_record, record_name
+from mcsettle.study.extent import extent_of
 from mcsettle.study.read import parsed_toml
 from mcsettle.study.study import load_study
+from mcsettle.summary.results import study_of
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 
@@ -106,12 +108,13 @@ def test_a_worker_of_another_folder_is_refused(study, tmp_path, monkeypatch):
     folder = small(study, tmp_path / "out")
     monkeypatch.setattr(worker, "_own_kernels", lambda: None)
     digest = read_provenance(folder).digest
-    right = worker.RunSpec(str(folder), digest, 2, 1, None, None)
+    extent = extent_of(study_of(folder))
+    right = worker.RunSpec(str(folder), digest, extent, None, None)
     worker._set_up(right)
     for other in (
         right._replace(provenance="ef" * 32),
-        right._replace(realisations=3),
-        right._replace(parameter_sets=2),
+        right._replace(extent=replace(extent, realisations=3)),
+        right._replace(extent=replace(extent, n_sets=2)),
     ):
         with pytest.raises(InputError, match="is not the folder of this run"):
             worker._set_up(other)

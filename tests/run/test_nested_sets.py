@@ -12,7 +12,6 @@ from mcsettle.railway.scene import Scene
 from mcsettle.run import compute
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
-from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a import track_response, transfer_cache, transfers
 from mcsettle.step_a.interaction import precompute
 from mcsettle.step_b.build_case import build_case
@@ -20,6 +19,7 @@ from mcsettle.step_b.engine import engine_for
 from mcsettle.storage import store
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import load_study
+from mcsettle.study.transfer_store import transfer_store
 from mcsettle.summary.results import Results, read_results
 from mcsettle.summary.sign_split import sign_rows
 from mcsettle.summary.summary import summary_rows, tonnage_rows

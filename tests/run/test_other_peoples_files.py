@@ -3,6 +3,7 @@
 import contextlib
 import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,14 @@ from mcsettle.railway.irregularity import sample_profiles, to_space, wavenumbers
 from mcsettle.railway.spectra import spectrum
 from mcsettle.run.close import gather
 from mcsettle.run.options import RunOptions
-from mcsettle.run.pipeline import _write_study, run_study
+from mcsettle.run.pipeline import run_study, write_study
 from mcsettle.run.shards import all_shards
 from mcsettle.run.status import refuse_smaller, survey
 from mcsettle.storage import store
 from mcsettle.storage.location import place
 from mcsettle.storage.manifest import visible
+from mcsettle.study.extent import extent_of
+from mcsettle.study.run_inputs import run_inputs
 from mcsettle.study.study import Study, load_study, resolved_toml
 from mcsettle.summary.results import read_results
 
@@ -125,14 +128,14 @@ def test_a_record_of_any_name_has_a_place_of_its_own(tmp_path, name):
     """Written and read back without the study's folder; what is computed does not matter here."""
     source, folder = tmp_path / "in", tmp_path / "out"
     study = with_record(source, name)
-    _write_study(place(folder), study, None)
+    write_study(place(folder), run_inputs(study), None)
     shutil.rmtree(source)
     assert visible(place(folder)) == [f"inputs/profile.file/{Path(name).name}", "study.toml"]
     again = load_study(folder / "study.toml")
     assert again.digest == study.digest
     assert again.record() is not None
     before = contents(folder)
-    _write_study(place(folder), again, None)  # `mcsettle run DIR/study.toml --out DIR`
+    write_study(place(folder), run_inputs(again), None)  # `mcsettle run DIR/study.toml --out DIR`
     assert contents(folder) == before
 
 
@@ -157,7 +160,7 @@ def test_a_file_outside_the_studys_folder_stays_there(tmp_path):
     text = text.replace('"record.csv"', '"../record.csv"').replace("files_outside = false\n", "")
     path = tmp_path / "in" / "my.toml"
     path.write_text("files_outside = true\n" + text, encoding="utf-8")
-    _write_study(place(tmp_path / "out"), load_study(path), None)
+    write_study(place(tmp_path / "out"), run_inputs(load_study(path)), None)
     assert visible(place(tmp_path / "out")) == ["study.toml"]
 
 
@@ -186,7 +189,8 @@ def test_scenarios_of_any_name_are_run_and_resumed(tmp_path):
 
 def test_a_smaller_run_is_refused_by_what_names_say(tmp_path):
     study = renamed("set000009", "00000000-00000099")
-    held = {shard.name for shard in all_shards(study, 2)}
-    refuse_smaller(place(tmp_path), held, study)
+    extent = extent_of(study)
+    held = {shard.name for shard in all_shards(extent, 2)}
+    refuse_smaller(place(tmp_path), held, extent)
     with pytest.raises(InputError, match="holds 2 realisations and 1 are asked for"):
-        refuse_smaller(place(tmp_path), held, study.with_run(realisations=1))
+        refuse_smaller(place(tmp_path), held, replace(extent, realisations=1))

@@ -12,7 +12,6 @@ from mcsettle.run import prefetch
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.prefetch import Prefetch
-from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a import transfer_cache, transfers
 from mcsettle.step_a.fem25d.equivalent_linear import softening_file
 from mcsettle.step_a.interaction import transfer_digest
@@ -20,6 +19,7 @@ from mcsettle.step_a.transfers import TransferStore, needs
 from mcsettle.storage.files import cache_folder
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import load_study
+from mcsettle.study.transfer_store import transfer_store
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 pytestmark = pytest.mark.usefixtures("fresh_cache")

@@ -27,6 +27,7 @@ from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.storage import lock, manifest, store
 from mcsettle.storage.location import place
 from mcsettle.storage.shard_record import record_name
+from mcsettle.study.extent import extent_of
 from mcsettle.summary.results import read_results
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -59,8 +60,9 @@ def test_a_slice_is_one_of_n(text):
 
 
 def test_shards_are_counted_before_they_are_made(study):
-    assert n_shards(study, SIZE) == len(all_shards(study, SIZE)) == 6
-    huge = study.with_run(realisations=10_000_000)
+    extent = extent_of(study)
+    assert n_shards(extent, SIZE) == len(all_shards(extent, SIZE)) == 6
+    huge = replace(extent, realisations=10_000_000)
     with pytest.raises(InputError, match="at most 5000000"):
         all_shards(huge, 1)
 

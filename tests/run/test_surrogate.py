@@ -15,7 +15,6 @@ from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import parse_slice
 from mcsettle.run.surrogate import ERROR, list_passages, with_errors
 from mcsettle.run.train_surrogate import set_predictor
-from mcsettle.run.transfer_store import transfer_store
 from mcsettle.step_a import transfer_cache
 from mcsettle.step_a.transfers import needs, step_a
 from mcsettle.storage.location import place
@@ -24,6 +23,7 @@ from mcsettle.study import candidates
 from mcsettle.study.candidates import candidates_of
 from mcsettle.study.parameter_sets import all_sets, first_sets
 from mcsettle.study.study import Study
+from mcsettle.study.transfer_store import transfer_store
 
 pytestmark = pytest.mark.usefixtures("fresh_cache", "small_pool")
 SETS, TRACKS = 5, 3

@@ -15,6 +15,8 @@ from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import all_shards
 from mcsettle.step_a import processes
 from mcsettle.storage.files import ASIDE, UNFINISHED
+from mcsettle.study.extent import extent_of
+from mcsettle.study.run_inputs import run_inputs
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 
@@ -92,9 +94,9 @@ def test_the_same_bytes_and_remarks_by_two_processes(tmp_path, monkeypatch):
 def test_only_large_runs_of_one_parameter_set_are_shared(monkeypatch):
     def n(study, **options) -> int:
         job = together.Job(
-            study, None, None, RunOptions(**{"processes": 2, "threads": 2, **options})
+            run_inputs(study), None, None, RunOptions(**{"processes": 2, "threads": 2, **options})
         )
-        return together.worthwhile(job, all_shards(study, 4))
+        return together.worthwhile(job, all_shards(extent_of(study), 4))
 
     small = toy.study(run={"realisations": 6})
     assert n(small) == 1

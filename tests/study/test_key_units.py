@@ -51,7 +51,7 @@ def test_an_exponent_is_no_length(tmp_path: Path) -> None:
     uncertain = study()
     units = {input_column(EXPONENT): "1", input_column(LOAD): "t"}
     assert input_units(uncertain) == units
-    assert parameter_columns(all_sets(uncertain))["unit"][:2] == ["1", "t"]
+    assert parameter_columns(all_sets(uncertain), units)["unit"][:2] == ["1", "t"]
     register = {entry.path: entry.unit for entry in entries(uncertain)}
     assert (register[EXPONENT], register[LOAD]) == ("", "t")
     out = tmp_path / "run"
