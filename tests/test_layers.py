@@ -125,7 +125,7 @@ def test_tests_import_nothing_bare(path: Path) -> None:
 
 MODULE, FUNCTION, KERNEL = 400, 60, 80  # most lines of a module, of a function, of one in kernels/
 # Functions outside study/, cli/ and report/ that take a Study. This number only falls.
-STUDY_TAKERS = 66
+STUDY_TAKERS = 42
 
 
 def functions(path: Path) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:
@@ -181,6 +181,36 @@ def test_few_functions_take_a_study() -> None:
     ]
     assert len(takers) <= STUDY_TAKERS, takers
     assert len(takers) > STUDY_TAKERS - 10, f"{len(takers)}: lower the number"
+
+
+# All that run/ calls of study/, and of the study's own methods: a run's walk through study/.
+ASKED = {"run_inputs", "candidates_of", "same_step_b", "with_run", "with_values"}
+BEFORE_AND_BESIDE = {"extent_of"}  # of a folder that is looked at, or a plan that is made
+
+
+def test_a_run_asks_a_study_once() -> None:
+    """Factor digests are asked by ``check``, not by a run."""
+    files = [path for m, path in SOURCES if m.startswith("mcsettle.run.")]
+    files.remove(ROOT / "mcsettle" / "run" / "factor_digest.py")
+    called = {
+        node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+        for path in files
+        for node in nodes_of(path)
+        if isinstance(node, ast.Call)
+    }
+    of_study = {
+        function.name
+        for module, path in SOURCES
+        if module.startswith("mcsettle.study.")
+        for function in functions(path)
+    }
+    elsewhere = {
+        function.name
+        for module, path in SOURCES
+        if not module.startswith("mcsettle.study.")
+        for function in functions(path)
+    }
+    assert (called & of_study) - elsewhere == ASKED | BEFORE_AND_BESIDE
 
 
 # --- tests ----------------------------------------------------------------------------------------
