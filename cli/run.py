@@ -187,7 +187,7 @@ def _by_workers(
         options = replace(options, threads=options.threads or share)
 
         def run(
-            study: "Study", out: Any, options: "RunOptions", progress: types.Progress | None
+            study: "Study", out: Any, options: "RunOptions", progress: types.Progress
         ) -> "Finished":
             return run_distributed(study, out, address, options, progress, inform)
 

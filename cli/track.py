@@ -29,17 +29,13 @@ def track(
     if out is not None:
         checked_folder(out)
     warn_of(loaded)
-    from mcsettle.analysis.track_summary import (
-        describe,
-        increases_at_surface,
-        speed_warnings,
-        track_cases,
-    )
+    from mcsettle.analysis.track_case import table4, track_cases
+    from mcsettle.analysis.track_summary import describe, speed_warnings
 
     progress = Progress()
     cases = track_cases(loaded, progress, cores())
     for case in cases:
-        rows, table = describe(case), increases_at_surface(case, progress)
+        rows, table = describe(case), table4(case, progress)
         for warning in speed_warnings(case):
             warn(f"warning: {warning}")
         head = [f"== {case.variant}"] if len(cases) > 1 else []

@@ -7,7 +7,7 @@ from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import Finished, run_study
 from mcsettle.run.stopping import Batch, Run, Target, parse_target, run_until
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 
 def run_in_batches(
@@ -16,7 +16,7 @@ def run_in_batches(
     until: str | None,
     max_minutes: float | None,
     options: RunOptions,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     run: Run = run_study,
 ) -> tuple[Finished, bool]:
     """Run until the target or the time; prints the table; returns the run and whether it missed.

@@ -19,7 +19,7 @@ from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import ALIKE, Case, Outcome, Support, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 LOWEST, HIGHEST = 1e-3, 1e6
 JUMP = 1e-3  # of the logarithm of the median: more is no rounding
@@ -57,7 +57,7 @@ def calibrate(
     scenario: str,
     median_days: float,
     variant: str | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     processes: int = 1,
 ) -> Calibration:
     """Settlement factor for a median of ``median_days`` in ``scenario`` (and first ``variant``).
@@ -110,9 +110,7 @@ def _median(outcome: Outcome, horizon: float) -> Estimate:
     """Kaplan–Meier median of the intervals, days; tracks that failed are left out."""
     if np.all(outcome.failed):
         raise NumericalError("every realisation of the calibration overflowed; lower the factor")
-    ends = np.where(outcome.reached | outcome.failed, np.nan, horizon)
-    days = np.where(outcome.failed, np.nan, outcome.days)
-    return interval_quantile(days, ends, 0.5)
+    return interval_quantile(*outcome.intervals(horizon), 0.5)
 
 
 class Search:
@@ -122,7 +120,7 @@ class Search:
         self,
         case: Case,
         profiles: np.ndarray,
-        progress: Progress | None,
+        progress: Progress,
         support: Support = ALIKE,
     ) -> None:
         self.case, self.profiles, self.progress = case, profiles, progress
@@ -134,8 +132,7 @@ class Search:
     def outcome(self, factor: float, days: np.ndarray | None = None) -> Outcome:
         """Every track with this factor, its SD recorded on ``days``."""
         self.evaluations += 1
-        if self.progress is not None:
-            self.progress(f"Calibration, factor {factor:.6g}", self.evaluations, 40)
+        self.progress(f"Calibration, factor {factor:.6g}", self.evaluations, 40)
         samples = np.zeros(0) if days is None else days
         factors = np.full(len(self.profiles), factor)
         return self.machine.run(self.profiles, samples, factors, support=self.support)

@@ -48,7 +48,7 @@ def forecast(
     observations: Sequence[Observation],
     hold_out: int,
     variant: str | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     processes: int = 1,
 ) -> list[Prediction]:
     """Fit the factor to all but the last ``hold_out`` observations; predict every day observed.
@@ -63,16 +63,15 @@ def forecast(
             f"{hold_out} of {len(observations)} observations held out; hold out at least one and "
             "leave at least one to fit to"
         )
-    variant = variant or study.variant_names[0]
     rows = sorted(observations, key=lambda o: o.day or 0.0)
-    every = sd_model(study, scenario, variant, rows, progress, processes)
-    tell = progress or silent
-    tell(STAGE, 0, 2)
+    scene = study.scene(variant or study.variant_names[0], scenario)
+    every = sd_model(scene, rows, progress, processes)
+    progress(STAGE, 0, 2)
     posterior = fitted(every.of(every.observations[:-hold_out]), study.run.realisations)
-    tell(STAGE, 1, 2)
+    progress(STAGE, 1, 2)
     logs = np.linspace(posterior.middles[0], posterior.middles[-1], FACTORS[-1])
     sd = np.stack(every.predicted(logs, posterior.middles, study.run.realisations), axis=2)
-    tell(STAGE, 2, 2)
+    progress(STAGE, 2, 2)
     errors, observed = (np.array([getattr(o, of) for o in rows]) for of in ("error", "value"))
     bands = predicted(sd, posterior.track_weights, errors)
     shares = percentiles(sd, posterior.track_weights, errors, observed)

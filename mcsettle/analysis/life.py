@@ -30,9 +30,9 @@ from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Case, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.effects import StudyEffect
-from mcsettle.study.schema.economics import MaintenanceTable
+from mcsettle.study.schema.economics import EconomicsTable, MaintenanceTable
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 from mcsettle.units import DAYS_PER_YEAR
 
 
@@ -62,7 +62,7 @@ class Life:
 def lives(
     study: Study,
     realisations: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     processes: int = 1,
 ) -> list[Life]:
     """Every variant and scenario of ``study``, tamped again and again.
@@ -73,7 +73,8 @@ def lives(
         The study has no ``[maintenance]`` or no ``[economics]``, or steps passage by passage.
     """
     table = study.maintenance
-    if table is None or study.economics is None:
+    prices = study.economics
+    if table is None or prices is None:
         raise InputError("tamping again and again needs the tables [maintenance] and [economics]")
     if study.uncertain:
         raise InputError("[maintenance] takes central values; leave [[uncertain]] inputs out")
@@ -84,20 +85,20 @@ def lives(
     upkeep = Upkeep(
         recovery_of(table), table.cycles, years * DAYS_PER_YEAR, source, typical, study.seed
     )
-    found = []
+    priced = []
     for variant in study.variant_names:
-        own: dict[str, tuple[TampingSequence, np.ndarray]] = {}
+        of_scenario: dict[str, tuple[TampingSequence, np.ndarray]] = {}
         for scenario in study.scenario_names:
             scene = study.scene(variant, scenario)
             case = build_case(scene, prepared)
             text = f"{variant} {scenario}"
-            own[scenario] = tampings(scene, case, table, upkeep, indices, text, progress)
+            of_scenario[scenario] = tampings(scene, case, table, upkeep, indices, text, progress)
         for scenario in study.scenario_names:
             effects = [e for e in study.effects.values() if e.scenario == scenario]
-            found += [_priced(study, variant, scenario, e, own) for e in effects]
+            priced += [_priced(prices, variant, scenario, e, of_scenario) for e in effects]
             if not effects:
-                found.append(_priced(study, variant, scenario, None, own))
-    return found
+                priced.append(_priced(prices, variant, scenario, None, of_scenario))
+    return priced
 
 
 def tampings(
@@ -107,7 +108,7 @@ def tampings(
     upkeep: Upkeep,
     indices: range,
     text: str = "",
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> tuple[TampingSequence, np.ndarray]:
     """Tampings of the realisations ``indices`` after one at day 0, and the SD [R, C] m after each."""
     start, none = upkeep.source.sample(indices), np.zeros(len(indices))
@@ -122,22 +123,20 @@ def tampings(
 
 
 def _priced(
-    study: Study,
+    prices: EconomicsTable,
     variant: str,
     scenario: str,
     effect: StudyEffect | None,
-    own: dict[str, tuple[TampingSequence, np.ndarray]],
+    of_scenario: dict[str, tuple[TampingSequence, np.ndarray]],
 ) -> Life:
     """Costs of one scenario, and its marginal costs against a baseline's tracks."""
-    economics = study.economics
-    assert economics is not None
-    money = (economics.tamping_cost_per_track_km, economics.discount_rate)
-    sequence, after = own[scenario]
+    money = (prices.tamping_cost_per_track_km, prices.discount_rate)
+    sequence, after = of_scenario[scenario]
     unit = baseline = ""
     marginal = marginal_constant = np.full(len(after), np.nan)
     if effect is not None:
         change, baseline = effect.change, effect.baseline
-        unit, base = change.unit, own[baseline][0]
+        unit, base = change.unit, of_scenario[baseline][0]
         gamma = elasticity(base.first, sequence.first, change.base, change.changed)
         marginal = present_cost_slope(base, *money) * gamma / change.divisor
         alike = TampingSequence(base.years[:, :1], np.inf, base.open)
@@ -152,6 +151,6 @@ def _priced(
         marginal,
         marginal_constant,
         unit,
-        economics.currency,
+        prices.currency,
         baseline,
     )

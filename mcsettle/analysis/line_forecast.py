@@ -19,7 +19,7 @@ import numpy as np
 from mcsettle.analysis.growth_courses import NODE_WEIGHTS, Courses, Growth
 from mcsettle.estimate.pooling import Pooled, pooled
 from mcsettle.railway.line_history import LineHistory
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 from mcsettle.units import DAYS_PER_YEAR
 
 LEAST_PROBABILITY = 1e-4  # of a form that is carried on to the forecast
@@ -104,7 +104,7 @@ def line_forecast(
     growths: Sequence[Growth],
     history: LineHistory,
     horizon: float,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     predict_on: float | None = None,
 ) -> LineForecast:
     """Forecast the sections of ``history`` over ``horizon`` [days] from its last run.
@@ -113,11 +113,9 @@ def line_forecast(
     ``predicted`` (None: a year after the last run, as growth from there).
     """
     rows = np.flatnonzero((history.excluded == "") & ~np.isnan(history.sd).all(axis=1))
-    # Step B alone takes time.
-    told = [progress, *([None] * (len(growths) - 1))]
-    forms = [
-        _by(growth, history, rows, horizon, tell, predict_on)
-        for growth, tell in zip(growths, told, strict=True)
+    forms = [  # Step B alone, the first, takes time
+        _by(growth, history, rows, horizon, silent if place else progress, predict_on)
+        for place, growth in enumerate(growths)
     ]
     evidence = np.array([form.pooled.log_evidence for form in forms])
     probability = np.exp(evidence - evidence.max())
@@ -148,7 +146,7 @@ def _by(
     history: LineHistory,
     rows: np.ndarray,
     horizon: float,
-    progress: Progress | None,
+    progress: Progress,
     predict_on: float | None,
 ) -> _Form:
     """The forecast of the sections ``rows`` by one form of growth."""
@@ -160,8 +158,7 @@ def _by(
     predicted = np.full(shape, np.inf)
     parts = list(starts(history, rows, spans))
     for done, (start, which, is_last) in enumerate(parts):
-        if progress is not None:
-            progress(text, done, len(parts))
+        progress(text, done, len(parts))
         courses = growth.courses(rows[which], start, horizon + last_day)
         logs = np.log(NODE_WEIGHTS)[None, :, None] + _log_likelihood(
             courses, history, rows[which], spans[which], start, len(growth.logs)
@@ -178,8 +175,7 @@ def _by(
                 predicted[at] = (year - courses.on(-since * every))[is_last]
         else:
             predicted[at] = courses.on(np.full(len(which), predict_on - days[start]))[is_last]
-    if progress is not None:
-        progress(text, len(parts), len(parts))
+    progress(text, len(parts), len(parts))
     return _Form(growth.name, pooled(growth.logs, likelihood), joint, reached, predicted)
 
 

@@ -15,7 +15,7 @@ from mcsettle.analysis.growth_courses import Growth
 from mcsettle.analysis.line_forecast import FormOfGrowth, line_forecast
 from mcsettle.errors import InputError
 from mcsettle.railway.line_history import LineHistory
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class HoldOut:
 def hold_out(
     growths: Callable[[LineHistory], Sequence[Growth]],
     history: LineHistory,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> HoldOut:
     """Predict the last run of ``history`` from those before it, by the forms ``growths`` of such a line.
 

@@ -47,7 +47,7 @@ from mcsettle.study.build_line import Line
 from mcsettle.study.sample_cap import capped
 from mcsettle.study.schema.economics import MaintenanceTable
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 from mcsettle.units import DAYS_PER_YEAR, MM
 
 DRAWS = 100  # of the whole line
@@ -128,7 +128,7 @@ class LineLife:
 def line_life(
     study: Study,
     draws: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     processes: int = 1,
 ) -> LineLife:
     """Tamp every section of the line of ``study`` again and again over ``[limit] horizon_years``.
@@ -227,7 +227,7 @@ class _Drawn:
         first = int(np.argmax(self.forecast.form_of_rate == form))
         return np.exp(growth.logs[self.rate - first])
 
-    def followed(self, growth: Growth, progress: Progress | None) -> tuple[np.ndarray, np.ndarray]:
+    def followed(self, growth: Growth, progress: Progress) -> tuple[np.ndarray, np.ndarray]:
         """Days [R, C] of tampings from the last run on, and whether [R] there are more."""
         if isinstance(growth, DescribedGrowth):
             return self._by_hand(growth)
@@ -253,7 +253,7 @@ class _Drawn:
         return found, day < horizon
 
     def _by_step_b(
-        self, growth: SteppedGrowth, progress: Progress | None
+        self, growth: SteppedGrowth, progress: Progress
     ) -> tuple[np.ndarray, np.ndarray]:
         """Tampings by Step B, sections of one scene, limit and first run at a time."""
         history, rows, factor = self.history, self.forecast.rows, self.rates(growth)

@@ -21,6 +21,7 @@ from mcsettle.estimate.factor_posterior import FactorPosterior, factor_posterior
 from mcsettle.estimate.likelihood import Likelihood, likelihood_of
 from mcsettle.estimate.observation import Observation
 from mcsettle.estimate.resampling import effective
+from mcsettle.railway.scene import Scene
 from mcsettle.run.factor_model import FactorModel
 from mcsettle.step_a.transfers import step_a
 from mcsettle.study.distributions import distribution
@@ -69,7 +70,7 @@ def infer_factor(
     scenario: str,
     observations: Sequence[Observation],
     variant: str | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     processes: int = 1,
 ) -> Posterior:
     """Posterior of the settlement factor of ``scenario`` (and first ``variant``).
@@ -81,13 +82,12 @@ def infer_factor(
         observations; or they do not constrain it.
     """
     variant = variant or study.variant_names[0]
-    model = sd_model(study, scenario, variant, observations, progress, processes)
-    tell = progress or silent
-    tell(STAGE, 0, 2)
+    model = sd_model(study.scene(variant, scenario), observations, progress, processes)
+    progress(STAGE, 0, 2)
     of_tracks = fitted(model, study.run.realisations)
-    tell(STAGE, 1, 2)
+    progress(STAGE, 1, 2)
     least_squares = _least_squares(model, study.run.realisations)
-    tell(STAGE, 2, 2)
+    progress(STAGE, 2, 2)
     low, middle, high = (of_tracks.factor_at(level) for level in LEVELS)
     return Posterior(
         scenario=scenario,
@@ -105,12 +105,7 @@ def infer_factor(
 
 
 def sd_model(
-    study: Study,
-    scenario: str,
-    variant: str,
-    observations: Sequence[Observation],
-    progress: Progress | None,
-    processes: int,
+    scene: Scene, observations: Sequence[Observation], progress: Progress, processes: int
 ) -> FactorModel:
     """SDs of every realisation on the days observed, at any factor.
 
@@ -119,12 +114,11 @@ def sd_model(
     InputError
         Days lie beyond the horizon; all of them are named.
     """
-    reasons = (o.beyond(study.limit.horizon_days) for o in observations)
+    reasons = (o.beyond(scene.horizon) for o in observations)
     if late := [reason for reason in reasons if reason]:
         raise InputError("\n".join(late))
-    rows = [replace(o, scenario=scenario) for o in observations]
-    scenes = [study.scene(variant, scenario)]
-    return FactorModel(scenes, step_a(scenes, progress, processes), rows)
+    rows = [replace(o, scenario=scene.scenario) for o in observations]
+    return FactorModel([scene], step_a([scene], progress, processes), rows)
 
 
 def fitted(model: FactorModel, n_tracks: int) -> FactorPosterior:

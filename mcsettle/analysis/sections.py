@@ -21,7 +21,7 @@ from mcsettle.railway.scene import Scene
 from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.study.build_line import Line, build_line
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 from mcsettle.units import DAYS_PER_YEAR, MM
 
 YEARS = (1, 2, 3)
@@ -54,7 +54,7 @@ class SectionsReport:
 
 
 def sections_report(
-    study: Study, progress: Progress | None = None, processes: int = 1
+    study: Study, progress: Progress = silent, processes: int = 1
 ) -> SectionsReport:
     """Forecast every section of the line of ``study``.
 
@@ -86,7 +86,7 @@ def sections_report(
 
 
 def line_hold_out(
-    study: Study, progress: Progress | None = None, processes: int = 1
+    study: Study, progress: Progress = silent, processes: int = 1
 ) -> tuple[Line, HoldOut]:
     """Predict the last run of the line of ``study`` from those before it.
 
@@ -110,7 +110,7 @@ def growths(
     return (model,) if choice == "model" else (model, *by_hand(history))
 
 
-def ready(study: Study, progress: Progress | None, processes: int) -> tuple[Line, StepA]:
+def ready(study: Study, progress: Progress, processes: int) -> tuple[Line, StepA]:
     """The line of ``study``, and Step A of what runs on it."""
     line = build_line(study)
     names = {*zip(line.history.variant, line.history.scenario, strict=True)}

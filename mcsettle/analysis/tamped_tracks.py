@@ -18,7 +18,7 @@ from mcsettle.railway.irregularity import (
 from mcsettle.step_b.case import Case, Support
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.schema.economics import MaintenanceTable
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 from mcsettle.units import DAYS_PER_YEAR, MM
 
 _SHAPE_STREAM = 0x54A9E
@@ -65,7 +65,7 @@ def followed(
     tracks: Tracks,
     upkeep: Upkeep,
     text: str = "",
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> tuple[TampingSequence, np.ndarray]:
     """Follow ``tracks`` from tamping to tamping; also the SD [R, C] m after each.
 
@@ -79,8 +79,7 @@ def followed(
     for tamping in range(1, upkeep.cycles + 1):
         if not alive.any():
             break
-        if progress is not None:
-            progress(f"Tampings of {text}", tamping - 1, upkeep.cycles)
+        progress(f"Tampings of {text}", tamping - 1, upkeep.cycles)
         at, first = np.flatnonzero(alive), tamping == 1
         machine = machines[0] if first else machines[1]
         if first or (recovery is not None and tracks.fades):
@@ -111,8 +110,7 @@ def followed(
         profiles[at] = _tamped(upkeep, recovery, *left, own, tamping)
     if np.isfinite(upkeep.life):  # tamped as often as is followed, and not renewed yet
         is_open |= alive
-    if progress is not None:
-        progress(f"Tampings of {text}", upkeep.cycles, upkeep.cycles)
+    progress(f"Tampings of {text}", upkeep.cycles, upkeep.cycles)
     years = np.stack(days, axis=1) / DAYS_PER_YEAR
     return TampingSequence(years, upkeep.life / DAYS_PER_YEAR, is_open), np.stack(after, axis=1)
 

@@ -15,10 +15,11 @@ from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Outcome, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.effects import StudyEffect
+from mcsettle.study.schema.economics import EconomicsTable
 from mcsettle.study.study import Study
 from mcsettle.study.transfer_store import transfer_store
 from mcsettle.summary.results import INTERVAL
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 ENDS = (0.1, 0.9)
 
@@ -53,7 +54,7 @@ def tornado(
     study: Study,
     variant: str | None = None,
     realisations: int = 32,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     processes: int = 1,
 ) -> list[Bar]:
     """Bars of every scenario and metric, the widest first within each.
@@ -71,8 +72,7 @@ def tornado(
     medians = _medians(study, variant, realisations, shared_transfers, runs, processes)
     bars: list[Bar] = []
     for place, entry in enumerate(study.uncertain):
-        if progress is not None:
-            progress("Inputs, one at a time", place, len(study.uncertain))
+        progress("Inputs, one at a time", place, len(study.uncertain))
         low, high = (float(v) for v in entry.built().quantile(np.array(ENDS)))
         ends = []
         for value in (low, high):
@@ -94,54 +94,41 @@ def _medians(
     processes: int,
 ) -> dict[tuple[str, str], tuple[str, float | None]]:
     """(unit, median) by (scenario, metric); ``runs`` keeps what need not be repeated."""
-    outcomes = {}
+    days: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    scenes = [scene for scene in study.scenes if scene.variant == variant]
     prepared = None
-    for scenario in study.scenario_names:
-        key = study.step_b_key(variant, scenario)
+    for scene in scenes:
+        key = study.step_b_key(variant, scene.scenario)
         if key not in runs:
-            prepared = prepared or step_a(study.scenes, None, processes, shared_transfers)
-            scene, indices = study.scene(variant, scenario), range(realisations)
-            profiles = scene.profiles.sample(indices)
-            support = support_of(scene, indices, profiles)
+            prepared = prepared or step_a(scenes, workers=processes, store=shared_transfers)
+            profiles = scene.profiles.sample(range(realisations))
+            support = support_of(scene, range(realisations), profiles)
             engine = CycleJump(build_case(scene, prepared))
             runs[key] = engine.run(profiles, np.zeros(0), support=support)
-        outcomes[scenario] = runs[key]
-    found: dict[tuple[str, str], tuple[str, float | None]] = {}
-    for scenario, outcome in outcomes.items():
-        median = interval_quantile(*_days(study, outcome), 0.5)
-        found[scenario, INTERVAL] = ("d", median.value)
+        days[scene.scenario] = runs[key].intervals(scene.horizon)
+    medians: dict[tuple[str, str], tuple[str, float | None]] = {}
+    for scenario in days:
+        medians[scenario, INTERVAL] = ("d", interval_quantile(*days[scenario], 0.5).value)
         for effect in study.effects.values():
-            if effect.scenario == scenario:
-                found |= _effects(study, effect, outcomes)
-    return found
+            if effect.scenario == scenario and study.economics is not None:
+                medians |= _effects(study.economics, effect, days)
+    return medians
 
 
 def _effects(
-    study: Study, effect: StudyEffect, outcomes: dict[str, Outcome]
+    prices: EconomicsTable, effect: StudyEffect, days: dict[str, tuple[np.ndarray, np.ndarray]]
 ) -> dict[tuple[str, str], tuple[str, float | None]]:
-    prices, change = study.economics, effect.change
-    assert prices is not None
-    base, own = (_days(study, outcomes[name]) for name in (effect.baseline, effect.scenario))
+    """(unit, median) by (effect, metric); ``days`` and censorings by scenario."""
+    base, other = days[effect.baseline], days[effect.scenario]
     effects = economics.paired_effects(
-        base[0],
-        own[0],
-        base[1],
-        own[1],
-        change,
+        *(base[0], other[0], base[1], other[1]),
+        effect.change,
         prices.tamping_cost_per_track_km,
         prices.discount_rate,
     )
-    sound = effects.status != "failed"
-    found: dict[tuple[str, str], tuple[str, float | None]] = {}
-    for metric, unit in (("reduction_percent", "%"), ("marginal_cost", change.unit)):
-        values = getattr(effects, metric)[sound]
+    medians: dict[tuple[str, str], tuple[str, float | None]] = {}
+    for metric, unit in (("reduction_percent", "%"), ("marginal_cost", effect.change.unit)):
+        values = getattr(effects, metric)[effects.status != "failed"]
         median = effect_quantile(values, 0.5, unit).value if len(values) else None
-        found[effect.name, metric] = (unit, median)
-    return found
-
-
-def _days(study: Study, outcome: Outcome) -> tuple[np.ndarray, np.ndarray]:
-    """Days and censorings of an outcome; NaN in both where it failed."""
-    horizon = study.limit.horizon_days
-    ends = np.where(outcome.reached | outcome.failed, np.nan, horizon)
-    return np.where(outcome.failed, np.nan, outcome.days), ends
+        medians[effect.name, metric] = (unit, median)
+    return medians

@@ -3,7 +3,7 @@
 Variants that differ in Step B alone have one and the same track.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,7 @@ from mcsettle.analysis.table4 import (
 )
 from mcsettle.railway.irregularity import default_section, sample_profiles
 from mcsettle.railway.record_sections import sections_spectrum
+from mcsettle.railway.scene import Scene
 from mcsettle.railway.softening_choices import Softened
 from mcsettle.railway.spectra import Spectrum, spectrum
 from mcsettle.railway.track import Track, depth_below_subgrade
@@ -37,7 +38,7 @@ from mcsettle.step_a.track_response import track_response
 from mcsettle.step_a.transfer import TrackResponse, TransferFunctions
 from mcsettle.step_a.transfers import StepA, section_settings, step_a
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 from mcsettle.units import KMH
 
 
@@ -106,66 +107,65 @@ class TrackCase:
         return sample_profiles(shape, self.wavenumbers, window, seed, range(count), sd, section)
 
 
-def track_cases(
-    study: Study, progress: Progress | None = None, processes: int = 1
-) -> list[TrackCase]:
+def track_cases(study: Study, progress: Progress = silent, processes: int = 1) -> list[TrackCase]:
     """Step A of every variant that differs in it, from the cache or computed; the first one first.
 
     ``processes`` > 1 spawns processes, so the calling program needs a main guard.
     """
-    prepared = step_a(study.scenes, progress, processes)
+    scenes = study.scenes
+    prepared = step_a(scenes, progress, processes)
     distinct: dict[tuple[str, ...], TrackCase] = {}
     for variant in study.variant_names:
         groups = [prepared.transfers[variant, scenario] for scenario in study.scenario_names]
         digests = tuple(transfer.digest for group in groups for transfer in group)
         if digests not in distinct:
-            distinct[digests] = _case(study, variant, prepared, progress, processes)
+            runs = _runs(scenes, variant, prepared, progress, processes)
+            track = study.track(variant)
+            distinct[digests] = TrackCase(study, variant, track, study.wavenumbers, runs)
     return list(distinct.values())
 
 
-def track_case(study: Study, progress: Progress | None = None, processes: int = 1) -> TrackCase:
-    """As ``track_cases``, the study's first variant alone."""
-    return track_cases(study, progress, processes)[0]
-
-
-def _case(
-    study: Study, variant: str, prepared: StepA, progress: Progress | None, processes: int
-) -> TrackCase:
+def _runs(
+    scenes: Sequence[Scene], variant: str, prepared: StepA, progress: Progress, processes: int
+) -> tuple[Run, ...]:
+    """Every distinct train and speed of a variant."""
     responses: dict[Softened | None, TrackResponse] = {}
     runs: dict[str, Run] = {}
-    for scenario in study.scenario_names:
-        scene = study.scene(variant, scenario)
-        transfers = prepared.transfers[variant, scenario]
+    for scene in (scene for scene in scenes if scene.variant == variant):
+        transfers = prepared.transfers[variant, scene.scenario]
         for service, transfer in zip(scene.timetable.services, transfers, strict=True):
             ground = scene.softened(service)
             if ground not in responses:
-                responses[ground] = response_under(study, variant, service, progress, processes)
-            run = Run(scenario, service, transfer, responses[ground], ground)
+                responses[ground] = response_under(scenes, variant, service, progress, processes)
+            run = Run(scene.scenario, service, transfer, responses[ground], ground)
             runs.setdefault(transfer.digest, run)
-    return TrackCase(study, variant, study.track(variant), study.wavenumbers, tuple(runs.values()))
+    return tuple(runs.values())
 
 
 def response_under(
-    study: Study,
+    scenes: Sequence[Scene],
     variant: str,
     service: Service,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     processes: int = 1,
 ) -> TrackResponse:
-    """Response of a variant's track with the ground that ``service`` makes for itself."""
-    scene = study.scene(variant, study.scenario_names[0])
+    """Response of a variant's track with the ground that ``service`` makes for itself.
+
+    ``scenes`` of the study: the fastest train decides the range of Step A on linear ground.
+    """
+    scene = next(scene for scene in scenes if scene.variant == variant)
     softened = scene.softened(service)
-    settings = section_settings(study.scenes, softened)
+    settings = section_settings(scenes, softened)
     return track_response(
         scene.track, scene.integration_depth, progress, processes, softened, settings
     )
 
 
-def table4(case: TrackCase, report: Callable[[int, int], None] | None = None) -> list[Increase]:
+def table4(case: TrackCase, progress: Progress = silent) -> list[Increase]:
     """Stress at the subgrade surface of every speed against the baseline's; empty if none differs.
 
-    Taken from scenarios with a single service of the baseline's train. ``report`` is called with
-    (done, total).
+    Ours and the published ones among the study's references, from scenarios with a single service of
+    the baseline's train.
     """
     runs = _speeds(case)
     if len(runs) < 2:
@@ -173,8 +173,7 @@ def table4(case: TrackCase, report: Callable[[int, int], None] | None = None) ->
     stresses = []
     for done, run in enumerate(runs):
         stresses.append(surface_stress(case, run))
-        if report is not None:
-            report(done + 1, len(runs))
+        progress("Stress at the subgrade surface", done + 1, len(runs))
     published: dict[tuple[str, str], tuple[float, str]] = {
         (row.metric, row.scenario): (row.value, row.source)
         for row in case.study.reference

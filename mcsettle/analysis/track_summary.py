@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mcsettle.analysis.stress_under_train import layer_weights
-from mcsettle.analysis.table4 import Increase
-from mcsettle.analysis.track_case import Run, TrackCase, table4, track_case, track_cases
+from mcsettle.analysis.track_case import Run, TrackCase, track_cases
 from mcsettle.railway.track import SectionTrack, Track, rayleigh_speed
 from mcsettle.step_a.critical_speed import critical_speed_of, speed_remark
 from mcsettle.step_a.fem25d import SectionResponse
@@ -15,23 +14,21 @@ from mcsettle.step_a.track_response import softening_history
 from mcsettle.step_a.transfer import TrackResponse
 from mcsettle.step_b.stress import deviatoric_stress
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 from mcsettle.units import KMH, KN, KPA, MM, MPA
-
-__all__ = ["describe", "increases_at_surface", "speed_warnings", "track_cases", "track_summary"]
 
 Row = tuple[str, float | str, str]
 WAVELENGTHS = (30.0, 10.0, 5.0, 3.0)  # m
 GIGA = 1e9
 
 
-def track_summary(study: Study, progress: Progress | None = None, processes: int = 1) -> list[Row]:
+def track_summary(study: Study, progress: Progress = silent, processes: int = 1) -> list[Row]:
     """Rows (quantity, value, unit) for the first variant's track, every distinct train and speed."""
-    return describe(track_case(study, progress, processes))
+    return describe(track_cases(study, progress, processes)[0])
 
 
 def describe(case: TrackCase) -> list[Row]:
-    """Rows (quantity, value, unit) of a track made ready (``track_case``)."""
+    """Rows (quantity, value, unit) of a track made ready (``track_cases``)."""
     rows = _layer_rows(case.track) + _response_rows(case.response)
     if case.runs[0].softened is None and isinstance(case.response, SectionResponse):
         name = "critical speed of track and ground"
@@ -39,13 +36,6 @@ def describe(case: TrackCase) -> list[Row]:
     for run in case.runs:
         rows += _softening_rows(run, case) + _run_rows(run, case.track)
     return rows
-
-
-def increases_at_surface(case: TrackCase, progress: Progress | None = None) -> list[Increase]:
-    """Table 4 of the study: ours, and the published values among its references."""
-    if progress is None:
-        return table4(case)
-    return table4(case, lambda done, total: progress("Stress at the subgrade surface", done, total))
 
 
 def _layer_rows(track: Track) -> list[Row]:

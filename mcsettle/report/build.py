@@ -30,7 +30,7 @@ from mcsettle.report.result_tables import charge_blocks, result_blocks
 from mcsettle.report.scenarios import scenario_blocks
 from mcsettle.report.sign_tables import sign_blocks
 from mcsettle.report.words import cut
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 if TYPE_CHECKING:
     from mcsettle.analysis.tornado import Bar
@@ -42,7 +42,7 @@ def read_report(
     miles: bool = False,
     with_track: bool = False,
     with_tornado: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     processes: int = 1,
 ) -> Page:
     """The page of the run in ``folder``.
@@ -63,11 +63,10 @@ def read_report(
     """
     material = read_material(folder, variant, miles)
     if with_track:
-        from mcsettle.analysis.track_summary import increases_at_surface
+        from mcsettle.analysis.track_case import table4
 
         case = _case_of(material, progress, processes)
-        table4 = tuple(increases_at_surface(case, progress))
-        material = replace(material, step_a=StepAPart(case, table4))
+        material = replace(material, step_a=StepAPart(case, tuple(table4(case, progress))))
     bars: Sequence[Bar] = ()
     if with_tornado and material.study.uncertain:
         from mcsettle.analysis.tornado import tornado
@@ -76,7 +75,7 @@ def read_report(
     return build(material, bars)
 
 
-def _case_of(material: Material, progress: Progress | None, processes: int):  # type: ignore[no-untyped-def]
+def _case_of(material: Material, progress: Progress, processes: int):  # type: ignore[no-untyped-def]
     from mcsettle.analysis.track_case import track_cases
 
     cases = track_cases(material.study, progress, processes)

@@ -41,7 +41,7 @@ from mcsettle.step_a.fem25d.centreline_field import CentrelineField
 from mcsettle.step_a.fem25d.track_section import track_grid
 from mcsettle.step_a.interaction import precompute
 from mcsettle.storage.marks import NO_STUDY, write_marked
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 from mcsettle.units import KMH, KPA
 
 BELOW_SLEEPER = 0.1  # m, where the paper's Fig. 5 takes the stress
@@ -57,7 +57,7 @@ def draw_track(
     rows: list[Row],
     table: list[Increase],
     folder: Path,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     study: str = NO_STUDY,
     force: bool = False,
 ) -> list[Path]:
@@ -82,11 +82,9 @@ def draw_track(
     pictures = track_figures(case, table)
     files = _tables(case, rows, table, folder)
     for done, (name, draw) in enumerate(pictures.items()):
-        if progress is not None:
-            progress("Pictures", done, len(pictures))
+        progress("Pictures", done, len(pictures))
         files |= files_of(draw(), folder, name)
-    if progress is not None:
-        progress("Pictures", len(pictures), len(pictures))
+    progress("Pictures", len(pictures), len(pictures))
     return write_marked(files, study, force)
 
 
@@ -127,7 +125,7 @@ def vehicle_comparison(case: TrackCase) -> list[VehiclePeaks]:
 def freight_passage(case: TrackCase, cars: int = FREIGHT_CARS) -> AxlePassage:
     """Figs. 5 and 6: a freight axle on FRA class 4, unscaled, on the study's track, factor 1."""
     train = Train("freight", (FREIGHT,) * cars)
-    response = response_under(case.study, case.variant, Service(train, FREIGHT_SPEED, 1))
+    response = response_under(case.study.scenes, case.variant, Service(train, FREIGHT_SPEED, 1))
     contact = case.study.track_table.hertz_stiffness_n_per_m
     transfer = precompute(train, FREIGHT_SPEED, response, case.wavenumbers, contact)
     settings = case.study.settlement_settings(case.variant)

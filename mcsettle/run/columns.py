@@ -25,7 +25,6 @@ def realisation_columns(
     timetable, n = scene.timetable, len(outcome.days)
     reached, failed = outcome.reached, outcome.failed
     days_run = outcome.passages / timetable.passages_per_day
-    horizon = np.where(reached | failed, np.nan, scene.horizon)
     columns = {
         "variant": [scene.variant] * n,
         "scenario": [scene.scenario] * n,
@@ -33,7 +32,7 @@ def realisation_columns(
         "realisation": np.arange(indices.start, indices.stop),
         "status": np.where(failed, "failed", np.where(reached, "reached", "censored")).tolist(),
         "tamping_interval_days": nullable(outcome.days),
-        "censored_at_days": nullable(horizon),
+        "censored_at_days": nullable(outcome.intervals(scene.horizon)[1]),
         "passages": outcome.passages,
         "tonnage_mgt": days_run * timetable.mass_per_day / MGT,
         "sd_initial_mm": outcome.sd_initial / MM,

@@ -39,7 +39,7 @@ from mcsettle.storage.provenance import Provenance
 from mcsettle.storage.shard_name import ShardName
 from mcsettle.study.parameter_sets import ParameterSet, same_step_b
 from mcsettle.study.run_inputs import RunInputs
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 BATCH = 2048  # realisations at a time, unless a run says otherwise
 CHECKED = range(2)  # realisations on which the second-order form is checked, in every run
@@ -57,7 +57,7 @@ class Job:
     at: Place
     provenance: Provenance
     options: RunOptions = RunOptions()
-    progress: Progress | None = None
+    progress: Progress = silent
     remarks: list[str] = field(default_factory=list)
     complete: set[str] = field(default_factory=set)
     batch: int = 0
@@ -100,7 +100,7 @@ def compute(job: Job, todo: list[Shard], central: StepA) -> None:
     with Prefetch(scenes, transfers or TransferStore(), processes, job.progress) as prefetch:
         for index, of_set in groupby(todo, key=lambda shard: shard.member):
             member, prepared = sets[index], central
-            if job.progress is not None and len(sets) > 1:
+            if len(sets) > 1:
                 job.progress("Parameter sets", index, len(sets))
             missing = [s for s in of_set if not copied(job, member, first[s.group], s)]
             if missing and transfers is not None and not member.failure:
@@ -169,7 +169,7 @@ def write_computed(
         realisations.append(columns.realisation_columns(member, scene, batch, outcome))
         history.append(columns.history_columns(member, scene, batch, outcome))
         done = batch.stop
-        if job.progress is not None and not job.run.extent.nested:
+        if not job.run.extent.nested:
             job.progress(_stage(scene), done, job.run.extent.realisations)
     tables = {"history": columns.joined(history), "realisations": columns.joined(realisations)}
     job.write(shard, tables)
@@ -210,8 +210,7 @@ def _outcome(job: Job, scene: Scene, engine: Engine, batch: range) -> Outcome:
     passages = foreseen_passages(engine.case, profiles, support)
     march = engine.march(profiles, scene.sample_days, support=support)
     for day in march:
-        if job.progress is not None:
-            job.progress(f"{_stage(scene)}, axle passages", *passages(day))
+        job.progress(f"{_stage(scene)}, axle passages", *passages(day))
     return march.outcome()
 
 

@@ -21,6 +21,7 @@ from mcsettle.errors import InputError
 from mcsettle.run.compute import failed_tables
 from mcsettle.run.pipeline import Prepared
 from mcsettle.run.worker import RunSpec, work
+from mcsettle.types import Progress
 
 WINDOW = 2  # shards out at a time for each worker
 RETRIES = 2  # of a shard that raises; a shard whose workers die has the scheduler's own
@@ -58,7 +59,7 @@ class Work:
     name: str = field(default_factory=lambda: os.urandom(4).hex())  # of this client's tasks
 
 
-def drive(job: Work, address: str, progress: Callable[[str, int, int], None] | None) -> None:
+def drive(job: Work, address: str, progress: Progress) -> None:
     """Send numbers and take answers until there are no more, through any loss of the scheduler."""
     missing_since: float | None = None
     patience = FIRST_PATIENCE
@@ -71,8 +72,7 @@ def drive(job: Work, address: str, progress: Callable[[str, int, int], None] | N
                     _send(job, client)
                     _take(job, client)
                     _await_workers(job, client, address)
-                    if progress is not None:
-                        progress("Shards", job.tally.answered, job.tally.n_shards)
+                    progress("Shards", job.tally.answered, job.tally.n_shards)
         except _GONE:
             _call_back(job)
             now = time.monotonic()

@@ -19,7 +19,7 @@ from mcsettle.run.worker import RunSpec, share_step_a
 from mcsettle.storage import lock
 from mcsettle.storage.location import Where, place
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 _LOCAL = re.compile(r"local(?::([1-9][0-9]{0,3}))?")
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss)://[^\s/]+:[0-9]{1,5}")
@@ -55,7 +55,7 @@ def run_distributed(
     out: Where,
     scheduler: str,
     options: RunOptions | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Finished:
     """``pipeline.run_study`` by the workers of a Dask scheduler; the folder ends byte for byte as there.

@@ -61,13 +61,18 @@ def factor_warnings(study: Study) -> list[str]:
 
     For other transfer functions than its own, or, where it has the study's, for another model form.
     """
-    remarks, scenes, scenario = [], study.scenes, _scenario(study)
+    remarks, scenes, calibration = [], study.scenes, study.calibration
+    scenario, days = study.reference_scenario, "DAYS"
+    if calibration is not None:
+        days = f"{calibration.target_days:g}"
+        if calibration.scenario in study.scenario_names:
+            scenario = calibration.scenario
     for variant in study.variants:
         if variant.factor_digest is None:
             continue
         again = (
             f"find it again with 'mcsettle calibrate STUDY --scenario {scenario} --variant "
-            f"{variant.name} {_target(study)}'"
+            f"{variant.name} --median-days {days}'"
         )
         own_settings = study.settlement_settings(variant.name)
         fields = study.spatial_variability
@@ -105,16 +110,3 @@ def _read_otherwise(
         return []
     keys = [key for key in own if key != "integration_depth_m" and own[key] != common[key]]
     return [*keys, "spatial_variability"] if varies else keys
-
-
-def _scenario(study: Study) -> str:
-    """The scenario a factor of this study is found in."""
-    found = None if study.calibration is None else study.calibration.scenario
-    if found in study.scenario_names and found is not None:
-        return found
-    return study.reference_scenario
-
-
-def _target(study: Study) -> str:
-    days = "DAYS" if study.calibration is None else f"{study.calibration.target_days:g}"
-    return f"--median-days {days}"

@@ -88,8 +88,7 @@ def fit_sets(job: Job, todo: Sequence[Shard]) -> RunInputs:
     run, fits = job.run, read_fits(job.at, job.run)
     for index in sorted({shard.member for shard in todo} - set(fits)):
         member = run.sets[index]
-        if job.progress is not None:
-            job.progress("Fitting the factor of every set", index, len(run.sets))
+        job.progress("Fitting the factor of every set", index, len(run.sets))
         prepared = step_a(member.scenes, job.progress, job.options.processes, run.transfers)
         fits[index] = {
             variant: fit_factor(run, member, prepared, variant) for variant in run.fitted

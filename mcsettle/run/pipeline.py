@@ -39,7 +39,7 @@ from mcsettle.study.candidates import candidates_of
 from mcsettle.study.run_inputs import RunInputs, run_inputs
 from mcsettle.study.study import Study
 from mcsettle.summary.results import study_of
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def run_study(
     study: Study,
     out: Where,
     options: RunOptions | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Finished:
     """Run every variant and scenario of ``study`` into the folder ``out``; resumes what is there.
 
@@ -128,7 +128,7 @@ def prepare(
     study: Study,
     at: Place,
     options: RunOptions,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     start: bool = True,
 ) -> Prepared:
     """Do Step A, make the folder ready and find what is left to compute.

@@ -21,7 +21,7 @@ from mcsettle.step_b.cycles import update_weights
 from mcsettle.step_b.stepwise import Stepwise
 from mcsettle.study.extent import extent_of
 from mcsettle.study.study import Study
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 PROBED = 256  # tracks of a scenario: four full tiles, enough for both cores of a small machine
 MOST_PROBES = 8
@@ -56,7 +56,7 @@ def plan(
     study: Study,
     threads: int | None = None,
     batch: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     processes: int = 1,
 ) -> Plan:
     """Probe ``study`` and say what running it will take (arguments as ``run_study``).

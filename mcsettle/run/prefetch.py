@@ -16,7 +16,7 @@ from mcsettle.railway.scene import Scene
 from mcsettle.railway.track import SectionTrack
 from mcsettle.step_a.processes import process_pool
 from mcsettle.step_a.transfers import TransferStore, needs, step_a
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 WORTHWHILE: type = SectionTrack  # a beam's Step A takes less than a process takes to start
 
@@ -37,7 +37,7 @@ class Prefetch:
         scenes: Mapping[int, tuple[Scene, ...]],
         shared_transfers: TransferStore,
         processes: int,
-        progress: Progress | None = None,
+        progress: Progress = silent,
     ) -> None:
         self.shared_transfers, self.processes, self.progress = shared_transfers, processes, progress
         self.left: list[tuple[int, tuple[Scene, ...]]] = []
@@ -82,8 +82,7 @@ class Prefetch:
         with suppress(InputError, NumericalError, CancelledError):
             found.result()
         self.done += 1
-        if self.progress is not None:
-            self.progress("Step A: parameter sets", self.done, self.total)
+        self.progress("Step A: parameter sets", self.done, self.total)
 
     def _fill(self) -> None:
         assert self.pool is not None

@@ -18,7 +18,7 @@ from mcsettle.storage.location import Where, place
 from mcsettle.study.study import Study
 from mcsettle.summary.results import INTERVAL, read_results
 from mcsettle.summary.summary import SummaryRow, summary_rows
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 FIRST_BATCH = 64
 METRICS = {
@@ -32,7 +32,7 @@ _QUANTILES = {"median": 0.5, **{f"p{round(100 * level)}": level for level in LEV
 _TARGET = re.compile(r"\s*(\w+)\s+(\w+)\s+([0-9.]+)\s*%\s*$")
 
 
-Run = Callable[[Study, Where, RunOptions, Progress | None], Finished]
+Run = Callable[[Study, Where, RunOptions, Progress], Finished]
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def run_until(
     target: Target | None,
     max_minutes: float | None = None,
     options: RunOptions | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     tell: Callable[[Batch], None] | None = None,
     clock: Callable[[], float] = time.monotonic,
     run: Run = run_study,

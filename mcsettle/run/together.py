@@ -16,6 +16,7 @@ from mcsettle.run.shards import Shard
 from mcsettle.step_a.processes import Together, cores
 from mcsettle.step_a.transfers import StepA
 from mcsettle.study.parameter_sets import ParameterSet
+from mcsettle.types import silent
 
 WORTHWHILE = 16_384  # realisations; fewer are there before a process has started
 MOST_SHARDS = 8  # of a task, for which the engine is made once
@@ -33,21 +34,20 @@ def worthwhile(job: Job, todo: list[Shard]) -> int:
 
 def compute_together(job: Job, todo: list[Shard], central: StepA, processes: Together) -> None:
     """Write the shards ``todo`` of a study without parameter sets; remarks go to ``job`` in order."""
-    silent = replace(job, progress=None, remarks=[], options=replace(job.options, threads=None))
+    quiet = replace(job, progress=silent, remarks=[], options=replace(job.options, threads=None))
     tasks, done = list(_tasks(todo)), Counter[tuple[str, str]]()
     member, arguments = job.run.sets[0], []
     scenes = {(scene.variant, scene.scenario): scene for scene in member.scenes}
     for shards in tasks:
         scene = scenes[shards[0].group[1:]]
         prepared = central.of_variant(scene.variant)  # another scenario's train may count cycles
-        arguments.append((silent, member, scene, prepared, shards))
+        arguments.append((quiet, member, scene, prepared, shards))
 
     def told(index: int) -> None:
         scene, shards = arguments[index][2], tasks[index]
         pair = scene.variant, scene.scenario
         done[pair] += sum(len(shard.indices) for shard in shards)
-        if job.progress is not None:
-            job.progress(f"Step B: {' '.join(pair)}", done[pair], job.run.extent.realisations)
+        job.progress(f"Step B: {' '.join(pair)}", done[pair], job.run.extent.realisations)
 
     for remarks in processes.map(_advanced, arguments, told):
         job.remarks += remarks

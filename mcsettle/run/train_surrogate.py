@@ -28,7 +28,7 @@ from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_a.transfers import Ground, TransferStore, step_a
 from mcsettle.storage.files import cache_folder
 from mcsettle.study.candidates import Candidates
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 FIRST = 3  # sets that are computed before errors are estimated, and as many more for each input
 STEP = 2  # further sets at a time
@@ -66,7 +66,7 @@ def trained_predictor(
     candidates: Candidates,
     store: TransferStore,
     processes: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> GroundPredictor | None:
     """Predictor of the Step A of the parameter sets of a study; None where all have the same.
 
@@ -101,7 +101,7 @@ def _trained(
     most_grounds: int,
     tolerance: Expected,
     processes: int,
-    progress: Progress | None,
+    progress: Progress,
 ) -> GroundPredictor:
     """Compute sets until the tolerance is met, or as many grounds as may be."""
     n_first = FIRST * (1 + state.places.shape[1])
@@ -126,7 +126,7 @@ def set_predictor(
     candidates: Candidates,
     store: TransferStore,
     processes: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Training | None:
     """Give ``store`` the predictor of a study; returns what it has learnt from."""
     predictor = trained_predictor(candidates, store, processes, progress)
@@ -155,7 +155,7 @@ def _restored(
     stored: dict[str, Any],
     tolerance: Expected,
     processes: int,
-    progress: Progress | None,
+    progress: Progress,
 ) -> GroundPredictor:
     """Predictor of a training that was finished before."""
     _compute(state, stored["chosen"], processes, progress)
@@ -207,9 +207,7 @@ def _point(passage: Passage, inputs: dict[str, Inputs]) -> np.ndarray:
     return own
 
 
-def _compute(
-    state: _Learning, sets: Sequence[int], processes: int, progress: Progress | None
-) -> None:
+def _compute(state: _Learning, sets: Sequence[int], processes: int, progress: Progress) -> None:
     """Step A of further ``sets``, in processes where there are several; into ``state``."""
     jobs = [(c, _by_ground(state.passages[c], c % COMPLETE == 0)) for c in sets]
     options = state.store.axle_loads, state.store.many_grounds
@@ -223,8 +221,7 @@ def _compute(
             for done, finished in enumerate(as_completed(running), 1):
                 with suppress(InputError, NumericalError):
                     finished.result()
-                if progress is not None:
-                    progress("Step A: grounds to learn from", done, len(running))
+                progress("Step A: grounds to learn from", done, len(running))
     for done, (candidate, by_ground) in enumerate(jobs, 1):
         store = TransferStore(axle_loads=options[0], many_grounds=options[1])
         scenes, keys = _learnt_from(state.passages[candidate]), set[Any]().union(*by_ground)
@@ -235,8 +232,7 @@ def _compute(
             continue
         state.chosen.append(candidate)
         state.transfers |= {key: store.transfers[key] for key in keys}
-        if progress is not None:
-            progress("Step A: grounds to learn from", done, len(jobs))
+        progress("Step A: grounds to learn from", done, len(jobs))
 
 
 def _learnt_from(passages: list[Passage]) -> tuple[Scene, ...]:

@@ -22,7 +22,7 @@ from mcsettle.railway.traffic import Train
 from mcsettle.railway.vehicle import vehicle_compliance
 from mcsettle.step_a.transfer import TrackResponse, TransferFunctions, WavenumberSpectra
 from mcsettle.step_a.transfer_file import load, save
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 from mcsettle.units import KMH
 
 __all__ = [
@@ -95,7 +95,7 @@ def precompute(
     response: TrackResponse,
     wavenumbers: Array,
     hertz_stiffness: float = HERTZ_STIFFNESS,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     whole: bool = False,
 ) -> TransferFunctions:
     """Transfer functions of one train at one speed on one track.
@@ -168,7 +168,7 @@ def _swept(
     response: TrackResponse,
     kappa: Array,
     hertz_stiffness: float,
-    progress: Progress | None,
+    progress: Progress,
     whole: bool,
 ) -> tuple[Array, Array, ComplexArray, ComplexArray, ComplexArray]:
     """Of the axles: stress [J, 4, Z] and deflection [J] at rest, stress [J, K, 4, Z] and force [J, K] by
@@ -200,8 +200,7 @@ def _swept(
             dynamic[:, mode] = stress * excitation.conj()[:, None, None]
             force[:, mode] = forces * excitation.conj()
             compliance[mode] = track[0, 0]
-        if progress is not None:
-            progress(stage, step + 1, omegas.size)
+        progress(stage, step + 1, omegas.size)
     return quasi_static, deflection, dynamic, force, compliance
 
 

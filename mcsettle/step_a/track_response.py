@@ -11,7 +11,7 @@ from mcsettle.storage.files import cache_folder
 
 if TYPE_CHECKING:
     from mcsettle.step_a.fem25d import Settings, SofteningHistory
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 
 def softening_history(
@@ -50,7 +50,7 @@ def depths_of(track: Track, integration_depth: float) -> DepthGrid:
 def track_response(
     track: Track,
     integration_depth: float,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     workers: int = 1,
     softened: "Softened | None" = None,
     settings: "Settings | None" = None,

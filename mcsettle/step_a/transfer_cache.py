@@ -17,7 +17,7 @@ from mcsettle.step_a.transfer import TrackResponse, TransferFunctions
 from mcsettle.step_a.transfer_file import keep_newest, load, save
 from mcsettle.storage.files import cache_folder
 from mcsettle.storage.shared_cache import bring, kept, share
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 # Bytes of transfer functions kept: drawn vehicles leave one file per parameter set.
 LARGEST_CACHE = 4_000_000_000
@@ -28,7 +28,7 @@ def cached_transfer(
     service: Service,
     modes: np.ndarray,
     contact: float,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     axle_loads: dict[str, float] | None = None,
     loads: RailLoads = HALF,
     small_strain: Callable[[], TrackResponse] | None = None,
@@ -96,7 +96,7 @@ def transfer_file(digest: str) -> Path:
     return cache_folder() / f"transfer-{digest[:32]}.npz"
 
 
-def _from_cache_or_computed(passage: _Passage, progress: Progress | None) -> TransferFunctions:
+def _from_cache_or_computed(passage: _Passage, progress: Progress) -> TransferFunctions:
     digest = passage.digest
     path = transfer_file(digest)
     bring(path)
@@ -109,8 +109,7 @@ def _from_cache_or_computed(passage: _Passage, progress: Progress | None) -> Tra
                 return transfer
             raise InputError(f"{path} holds the transfer functions of something else")
         except InputError as error:
-            if progress is not None:
-                progress(f"Recomputing a damaged cache file ({error})", 1, 1)
+            progress(f"Recomputing a damaged cache file ({error})", 1, 1)
     transfer = _computed(passage, progress)
     if kept(path, lambda: save(transfer, path)):
         share(path)
@@ -118,7 +117,7 @@ def _from_cache_or_computed(passage: _Passage, progress: Progress | None) -> Tra
     return transfer
 
 
-def _computed(passage: _Passage, progress: Progress | None) -> TransferFunctions:
+def _computed(passage: _Passage, progress: Progress) -> TransferFunctions:
     loads, response, service = passage.loads, passage.response, passage.service
     if loads.bending_share > 0.0:
         straight = replace(passage, loads=replace(loads, bending_share=0.0))

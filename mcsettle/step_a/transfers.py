@@ -26,7 +26,7 @@ from mcsettle.step_a.transfer import TrackResponse, TransferFunctions
 from mcsettle.step_a.transfer_cache import cached_transfer, transfer_file, under_reference_load
 from mcsettle.storage.files import cache_folder
 from mcsettle.storage.shared_cache import bring
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 if TYPE_CHECKING:
     from mcsettle.step_a.fem25d import Settings
@@ -100,7 +100,7 @@ class TransferStore:
 
 def step_a(
     scenes: Sequence[Scene],
-    progress: Progress | None = None,
+    progress: Progress = silent,
     workers: int = 1,
     store: TransferStore | None = None,
     check_speeds: bool = False,
@@ -213,7 +213,7 @@ def _small_strain(
     scenes: Sequence[Scene],
     store: TransferStore,
     ground: Ground,
-    progress: Progress | None,
+    progress: Progress,
     workers: int,
 ) -> TrackResponse:
     """Response of the track of ``ground`` at small strain."""
@@ -226,13 +226,13 @@ def _small_strain(
     return store.responses[linear]
 
 
-def _response(ground: Ground, progress: Progress | None = None, workers: int = 1) -> TrackResponse:
+def _response(ground: Ground, progress: Progress = silent, workers: int = 1) -> TrackResponse:
     track, depth, softened, settings = ground
     return track_response(track, depth, progress, workers, softened, settings)
 
 
 def _soften_ahead(
-    scenes: Sequence[Scene], store: TransferStore, progress: Progress | None, workers: int
+    scenes: Sequence[Scene], store: TransferStore, progress: Progress, workers: int
 ) -> None:
     """Compute the softened grounds of ``scenes`` side by side, and leave them in the cache folder."""
     modes, contact = scenes[0].wavenumbers, scenes[0].contact
@@ -248,8 +248,7 @@ def _soften_ahead(
         running = [pool.submit(_compute_softened, ground, modes, contact) for ground in missing]
         for done, finished in enumerate(as_completed(running), 1):
             finished.result()
-            if progress is not None:
-                progress("Step A: equivalent-linear grounds", done, len(missing))
+            progress("Step A: equivalent-linear grounds", done, len(missing))
 
 
 def _compute_softened(ground: Ground, modes: np.ndarray, contact: float) -> None:

@@ -133,6 +133,11 @@ class Outcome:
     history: np.ndarray
     steps: np.ndarray
 
+    def intervals(self, horizon: float) -> tuple[np.ndarray, np.ndarray]:
+        """Days to the limit and days censored at [R], one of them NaN; both where a track failed."""
+        censored = np.where(self.reached | self.failed, np.nan, horizon)
+        return np.where(self.failed, np.nan, self.days), censored
+
 
 def support_of(
     scene: Scene, indices: Iterable[int], profiles: np.ndarray, tamping: int = 0

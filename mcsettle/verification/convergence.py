@@ -29,7 +29,7 @@ from mcsettle.step_a.fem25d.solve import outputs, solve
 from mcsettle.step_a.fem25d.track_section import track_section
 from mcsettle.step_a.fem25d.wavenumber_rule import wavenumber_quadrature
 from mcsettle.storage.files import cache_folder
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 SPEED = 60.0  # m/s
 OMEGAS = (2.0 * math.pi * SPEED / 25.0, 2.0 * math.pi * SPEED / 5.0)  # waves of 25 and 5 m
@@ -112,7 +112,7 @@ BASE_LEVELS: dict[str, tuple[str, tuple[float, ...]]] = {
 def study_convergence(
     track: SectionTrack = CASE_STUDY_TRACK,
     choices: tuple[str, ...] | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> list[Level]:
     """Levels of every choice (or those named, ``CHOICES``, ``PANELS`` and ``BASES``), in order.
 
@@ -130,8 +130,7 @@ def study_convergence(
     done = itertools.count(1)
 
     def step() -> None:
-        if progress is not None:
-            progress("Convergence", next(done), steps)
+        progress("Convergence", next(done), steps)
 
     levels: list[Level] = []
     for name in wanted:

@@ -16,6 +16,7 @@ from mcsettle.estimate.resampling import effective
 from mcsettle.step_a.transfers import step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.engine import engine_for
+from mcsettle.types import silent
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 DAYS, ERROR, TRUTH = np.array([5.0, 15.0, 25.0]), 0.02, 250.0
@@ -41,7 +42,7 @@ def test_the_posterior_is_that_of_every_factor_and_track_computed(study):
     rows = observed(study, TRUTH, 1000)
     found = infer_factor(study, "v201", rows)
     logs = np.linspace(np.log(20.0), np.log(600.0), 160)
-    model = sd_model(study, "v201", "base", rows, None, 1)
+    model = sd_model(study.scene("base", "v201"), rows, silent, 1)
     (of_tracks,) = model.likelihood(logs, logs, 64).sections
     weights = np.exp(of_tracks - of_tracks.max())
     weights /= weights.sum()

@@ -20,6 +20,7 @@ from mcsettle.storage.files import cache_folder
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import load_study
 from mcsettle.study.transfer_store import transfer_store
+from mcsettle.types import silent
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 pytestmark = pytest.mark.usefixtures("fresh_cache")
@@ -84,14 +85,14 @@ def test_softened_grounds_that_are_at_hand_start_no_process(monkeypatch):
         digest = transfer_digest(service.train, service.speed, modes, contact, "made up")
         file.touch()
         transfer_cache.transfer_file(digest).touch()
-    transfers._soften_ahead(scenes, TransferStore(), None, 2)
+    transfers._soften_ahead(scenes, TransferStore(), silent, 2)
     file.unlink()
     # A single one has no company to share with.
-    transfers._soften_ahead(scenes, TransferStore(), None, 2)
+    transfers._soften_ahead(scenes, TransferStore(), silent, 2)
     for path in folder.glob("transfer-*"):
         path.unlink()
     with pytest.raises(TypeError):
-        transfers._soften_ahead(scenes, TransferStore(), None, 2)
+        transfers._soften_ahead(scenes, TransferStore(), silent, 2)
 
 
 class _Failed:

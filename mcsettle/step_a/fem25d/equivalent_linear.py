@@ -16,7 +16,7 @@ from mcsettle.step_a.fem25d.settings import Settings
 from mcsettle.step_a.fem25d.softening import SoftenedGround, SofteningHistory, soften
 from mcsettle.step_a.fem25d.track_section import ElementProperties
 from mcsettle.storage.files import cache_folder
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 HISTORY = ("change", "lowest", "mean", "strain", "damping")
 
@@ -29,7 +29,7 @@ def equivalent_linear_response(
     settings: Settings | None = None,
     softening: SofteningSettings | None = None,
     cache: Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     workers: int = 1,
     use_cache: bool = True,
     deferred: bool = False,
@@ -85,7 +85,7 @@ def softened_ground(
     mesh: MeshSettings,
     softening: SofteningSettings | None = None,
     cache: Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     use_cache: bool = True,
 ) -> SoftenedGround:
     """``soften``, computed once and stored on disk; parameters as there and in ``section_response``.

@@ -19,7 +19,7 @@ from mcsettle.step_a.fem25d.stress_outputs import centreline
 from mcsettle.step_a.fem25d.track_section import ElementProperties, track_section
 from mcsettle.step_a.processes import process_pool
 from mcsettle.storage.files import cache_folder
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 HELD_OUT_SEED = 8_230_451
 
@@ -29,7 +29,7 @@ def section_response(
     integration_depth: float = 5.5,
     settings: Settings | None = None,
     cache: Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     workers: int = 1,
     use_cache: bool = True,
     properties: ElementProperties | None = None,
@@ -121,7 +121,7 @@ class _Model:
         return digest_of(description)
 
 
-def _bases(model: _Model, folder: Path | None, progress: Progress | None, workers: int) -> Bases:
+def _bases(model: _Model, folder: Path | None, progress: Progress, workers: int) -> Bases:
     """Bases read from a folder, or computed and stored there; only computed without a folder."""
     if folder is None:
         return _compute(model, progress, workers)
@@ -133,14 +133,13 @@ def _bases(model: _Model, folder: Path | None, progress: Progress | None, worker
     return bases
 
 
-def _compute(model: _Model, progress: Progress | None, workers: int) -> Bases:
+def _compute(model: _Model, progress: Progress, workers: int) -> Bases:
     """Grow every band, here or in spawned processes; the result does not depend on which."""
     count = len(model.settings.bands)
     done: dict[int, tuple[Band, np.ndarray, np.ndarray]] = {}
 
     def report(index: int) -> None:
-        if progress is not None:
-            progress("Track response", len(done), count)
+        progress("Track response", len(done), count)
 
     if workers == 1:
         section = model.section()

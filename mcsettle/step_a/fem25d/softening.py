@@ -29,7 +29,7 @@ from mcsettle.step_a.fem25d.passing_train import along_train, line_wavenumbers, 
 from mcsettle.step_a.fem25d.section import MeshSettings
 from mcsettle.step_a.fem25d.solve import SUPERLU
 from mcsettle.step_a.fem25d.track_section import ElementProperties
-from mcsettle.types import Progress
+from mcsettle.types import Progress, silent
 
 WAVENUMBERS = 16  # solutions per iteration
 CHUNK = 400  # places along the train handled together
@@ -86,7 +86,7 @@ def soften(
     integration_depth: float = 5.5,
     mesh: MeshSettings | None = None,
     settings: SofteningSettings | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     frame: Frame | None = None,
     start: ElementProperties | None = None,
 ) -> SoftenedGround:
@@ -147,7 +147,7 @@ def _iterate(
     speed: float,
     state: np.ndarray,
     settings: SofteningSettings,
-    progress: Progress | None,
+    progress: Progress,
 ) -> tuple[np.ndarray, list[tuple[float, np.ndarray]]]:
     """Share of the modulus and damping [2, R] at the end, and (change, summary) of every iteration."""
     track, elements = frame.track, frame.elements
@@ -164,9 +164,8 @@ def _iterate(
         image = _by_curve(curves, strain, elements.layer, elements.confinement, layer_damping)
         change = float(np.max(np.abs(image[0] / state[0] - 1.0)))
         records.append((change, _summary(frame, image[0], strain, image[1])))
-        if progress is not None:
-            stage = f"Softening at {speed * 3.6:.0f} km/h"
-            progress(stage, len(records), settings.max_iterations)
+        stage = f"Softening at {speed * 3.6:.0f} km/h"
+        progress(stage, len(records), settings.max_iterations)
         if change <= settings.tolerance:
             break
         steps.append((state, image))
