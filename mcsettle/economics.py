@@ -192,10 +192,7 @@ class Change:
 
 
 def speed_change(
-    base_kmh: float,
-    changed_kmh: float,
-    trains_thousand_per_year: float,
-    currency: str = "GBP",
+    base_kmh: float, changed_kmh: float, trains_thousand_per_year: float, currency: str = "GBP"
 ) -> Change:
     """Change of linespeed [km/h]; the cost is per km/h, at the *new* speed, per 1000 train-km.
 
@@ -298,9 +295,7 @@ def paired_effects(
     return Effects(
         change=change,
         status=np.where(
-            rough,
-            "at_limit",
-            np.where(paired, "paired", np.where(failed, "failed", "censored")),
+            rough, "at_limit", np.where(paired, "paired", np.where(failed, "failed", "censored"))
         ),
         reduction_percent=_reduction_percent(first, second),
         elasticity=gamma,

@@ -117,11 +117,7 @@ class Search:
     """Median days as a function of the factor, on fixed profiles (common random numbers)."""
 
     def __init__(
-        self,
-        case: Case,
-        profiles: np.ndarray,
-        progress: Progress,
-        support: Support = ALIKE,
+        self, case: Case, profiles: np.ndarray, progress: Progress, support: Support = ALIKE
     ) -> None:
         self.case, self.profiles, self.progress = case, profiles, progress
         self.support = support

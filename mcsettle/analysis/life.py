@@ -60,10 +60,7 @@ class Life:
 
 
 def lives(
-    study: Study,
-    realisations: int | None = None,
-    progress: Progress = silent,
-    processes: int = 1,
+    study: Study, realisations: int | None = None, progress: Progress = silent, processes: int = 1
 ) -> list[Life]:
     """Every variant and scenario of ``study``, tamped again and again.
 

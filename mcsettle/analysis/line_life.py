@@ -126,10 +126,7 @@ class LineLife:
 
 
 def line_life(
-    study: Study,
-    draws: int | None = None,
-    progress: Progress = silent,
-    processes: int = 1,
+    study: Study, draws: int | None = None, progress: Progress = silent, processes: int = 1
 ) -> LineLife:
     """Tamp every section of the line of ``study`` again and again over ``[limit] horizon_years``.
 

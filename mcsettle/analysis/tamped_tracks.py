@@ -10,11 +10,7 @@ import numpy as np
 
 from mcsettle.analysis.tamping import Recovery, TampingSequence
 from mcsettle.railway.initial_profiles import InitialProfiles
-from mcsettle.railway.irregularity import (
-    default_section,
-    random_amplitudes,
-    standard_deviation,
-)
+from mcsettle.railway.irregularity import default_section, random_amplitudes, standard_deviation
 from mcsettle.step_b.case import Case, Support
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.study.schema.economics import MaintenanceTable

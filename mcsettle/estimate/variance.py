@@ -128,9 +128,7 @@ def first_order(inputs: np.ndarray, scores: np.ndarray) -> list[tuple[float, flo
         own = np.eye(len(sizes))[bins]  # [E, bins], to leave out one set at a time
         square = np.sum(means**2) - np.append(0.0, means**2)
         left = _between_bins(
-            np.vstack([sizes, sizes - own]),
-            np.vstack([sums, sums - own * means[:, None]]),
-            square,
+            np.vstack([sizes, sizes - own]), np.vstack([sums, sums - own * means[:, None]]), square
         )
         jackknife = (len(means) - 1) * np.var(left[1:])
         evenness = float(_scatter(sizes, sums, square[0])[0])

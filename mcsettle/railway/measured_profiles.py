@@ -138,12 +138,7 @@ def _remarks(sections: Sections, window: float, choice: RecordChoice) -> Iterato
 
 
 def ensemble(
-    sections: Sections,
-    kind: str,
-    section: int,
-    noise: float,
-    seed: int,
-    indices: Iterable[int],
+    sections: Sections, kind: str, section: int, noise: float, seed: int, indices: Iterable[int]
 ) -> np.ndarray:
     """Initial amplitudes complex [R, K] m of the realisations ``indices``.
 

@@ -256,12 +256,7 @@ def _table(
 
 
 def _line_by_line(
-    read: Cells,
-    path: Path,
-    encoding: str | None,
-    separator: str,
-    n: int,
-    places: Mapping[str, int],
+    read: Cells, path: Path, encoding: str | None, separator: str, n: int, places: Mapping[str, int]
 ) -> None:
     """Fill ``read`` with the lines of a damaged table that have ``n`` cells; say what others have."""
     import pyarrow as pa

@@ -298,17 +298,10 @@ def _check_layers(layers: tuple[Layer, ...]) -> None:
 # the lean clay is one half-space.
 BALLAST = Layer("ballast", 0.3, Material(180e6, 0.27, 1650.0, 0.06), BallastLaw(), 2.8)
 SUB_BALLAST = Layer(
-    "sub_ballast",
-    0.5,
-    Material(180e6, 0.30, 2300.0, 0.05),
-    PowerLaw(0.52, 0.15, 1.49, 350e3),
-    3.5,
+    "sub_ballast", 0.5, Material(180e6, 0.30, 2300.0, 0.05), PowerLaw(0.52, 0.15, 1.49, 350e3), 3.5
 )
 LEAN_CLAY = Layer(
-    "subgrade",
-    math.inf,
-    Material(70e6, 0.35, 1900.0, 0.03),
-    PowerLaw(1.10, 0.16, 2.0, 250e3),
+    "subgrade", math.inf, Material(70e6, 0.35, 1900.0, 0.03), PowerLaw(1.10, 0.16, 2.0, 250e3)
 )
 CASE_STUDY_TRACK = SectionTrack((BALLAST, SUB_BALLAST, LEAN_CLAY))
 TOY_TRACK = BeamTrack((BALLAST, SUB_BALLAST, LEAN_CLAY))

@@ -72,8 +72,7 @@ class Job:
     def write(self, shard: Shard, tables: dict[str, dict[str, Any]], failure: str = "") -> None:
         """Write a shard and its record."""
         shard_record.write_shard(
-            *(self.at, shard.name, tables, self.provenance, shard.indices, failure),
-            self.run.units,
+            *(self.at, shard.name, tables, self.provenance, shard.indices, failure), self.run.units
         )
 
     def log(self, event: str, shard: Shard, **more: Any) -> None:

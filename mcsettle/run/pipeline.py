@@ -69,10 +69,7 @@ class Prepared:
 
 @computing()
 def run_study(
-    study: Study,
-    out: Where,
-    options: RunOptions | None = None,
-    progress: Progress = silent,
+    study: Study, out: Where, options: RunOptions | None = None, progress: Progress = silent
 ) -> Finished:
     """Run every variant and scenario of ``study`` into the folder ``out``; resumes what is there.
 
@@ -125,11 +122,7 @@ def run_study(
 
 
 def prepare(
-    study: Study,
-    at: Place,
-    options: RunOptions,
-    progress: Progress = silent,
-    start: bool = True,
+    study: Study, at: Place, options: RunOptions, progress: Progress = silent, start: bool = True
 ) -> Prepared:
     """Do Step A, make the folder ready and find what is left to compute.
 

@@ -63,10 +63,7 @@ class _Learning:
 
 
 def trained_predictor(
-    candidates: Candidates,
-    store: TransferStore,
-    processes: int = 1,
-    progress: Progress = silent,
+    candidates: Candidates, store: TransferStore, processes: int = 1, progress: Progress = silent
 ) -> GroundPredictor | None:
     """Predictor of the Step A of the parameter sets of a study; None where all have the same.
 
@@ -97,11 +94,7 @@ def trained_predictor(
 
 
 def _trained(
-    state: _Learning,
-    most_grounds: int,
-    tolerance: Expected,
-    processes: int,
-    progress: Progress,
+    state: _Learning, most_grounds: int, tolerance: Expected, processes: int, progress: Progress
 ) -> GroundPredictor:
     """Compute sets until the tolerance is met, or as many grounds as may be."""
     n_first = FIRST * (1 + state.places.shape[1])
@@ -123,10 +116,7 @@ def _affordable(state: _Learning, sets: Sequence[int], most_grounds: int) -> lis
 
 
 def set_predictor(
-    candidates: Candidates,
-    store: TransferStore,
-    processes: int = 1,
-    progress: Progress = silent,
+    candidates: Candidates, store: TransferStore, processes: int = 1, progress: Progress = silent
 ) -> Training | None:
     """Give ``store`` the predictor of a study; returns what it has learnt from."""
     predictor = trained_predictor(candidates, store, processes, progress)

@@ -92,10 +92,7 @@ class BeamResponse:
 
 
 def beam_response(
-    track: BeamTrack,
-    integration_depth: float = 5.5,
-    period: float = PERIOD,
-    cutoff: float = CUTOFF,
+    track: BeamTrack, integration_depth: float = 5.5, period: float = PERIOD, cutoff: float = CUTOFF
 ) -> BeamResponse:
     """Step A of the simplified track.
 

@@ -210,11 +210,7 @@ def transfer_key(scene: Scene, service: Service, ground: Ground) -> tuple[Any, .
 
 
 def _small_strain(
-    scenes: Sequence[Scene],
-    store: TransferStore,
-    ground: Ground,
-    progress: Progress,
-    workers: int,
+    scenes: Sequence[Scene], store: TransferStore, ground: Ground, progress: Progress, workers: int
 ) -> TrackResponse:
     """Response of the track of ``ground`` at small strain."""
     settings = section_settings(scenes, None, store.many_grounds)

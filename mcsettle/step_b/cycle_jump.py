@@ -92,13 +92,7 @@ class CycleJump:
         if ordered and path.reached.any():
             at = np.flatnonzero(path.reached)
             day[at] = _in_timetable_order(
-                case,
-                self.growth,
-                path.state[at, :-1],
-                day[at],
-                self.measure,
-                gone[at],
-                support[at],
+                case, self.growth, path.state[at, :-1], day[at], self.measure, gone[at], support[at]
             )
         return self._outcome(case, amplitudes, path, day)
 

@@ -61,10 +61,7 @@ RAIL_PATHS: Paths = {
     "damping": ("damping", 1.0),
     "offset_m": ("offset", 1.0),
 }
-PAD_PATHS: Paths = {
-    "stiffness_n_per_m2": ("stiffness", 1.0),
-    "damping_ns_per_m2": ("damping", 1.0),
-}
+PAD_PATHS: Paths = {"stiffness_n_per_m2": ("stiffness", 1.0), "damping_ns_per_m2": ("damping", 1.0)}
 SLEEPER_PATHS: Paths = {
     "length_m": ("length", 1.0),
     "height_m": ("height", 1.0),

@@ -3,11 +3,7 @@
 import numpy as np
 
 from mcsettle.railway.rail_loads import RailLoads
-from mcsettle.railway.spatial_variability import (
-    SpatialVariability,
-    SupportVariation,
-    field_waves,
-)
+from mcsettle.railway.spatial_variability import SpatialVariability, SupportVariation, field_waves
 from mcsettle.railway.spectra import spectrum
 from mcsettle.railway.track import Track
 from mcsettle.study.schema.profile import ProfileTable

@@ -22,17 +22,12 @@ from mcsettle.study.build import (
 from mcsettle.study.build_trains import build_train
 from mcsettle.study.effects import StudyEffect, effect_entries, study_effects
 from mcsettle.study.faults import suggestion
-from mcsettle.study.scenes import (
-    profile_wavenumbers,
-    recorded_days,
-)
+from mcsettle.study.scenes import profile_wavenumbers, recorded_days
 from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.traffic import ScenarioTable
 from mcsettle.study.schema.uncertain import UncertainTable
 from mcsettle.study.schema.variants import VariantTable
-from mcsettle.study.uncertain import (
-    followers,
-)
+from mcsettle.study.uncertain import followers
 from mcsettle.units import DAYS_PER_YEAR, MGT
 
 

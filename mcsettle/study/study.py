@@ -17,10 +17,7 @@ from mcsettle.railway.ground_profiles import Ground
 from mcsettle.railway.initial_profiles import InitialProfiles
 from mcsettle.railway.measured_profiles import Record
 from mcsettle.railway.scene import Scene
-from mcsettle.study.build import (
-    resolved_track,
-    resolved_variant,
-)
+from mcsettle.study.build import resolved_track, resolved_variant
 from mcsettle.study.build_trains import resolved_train
 from mcsettle.study.checks.economics import unpriced_maintenance
 from mcsettle.study.checks.names import source_faults
@@ -44,16 +41,8 @@ from mcsettle.study.library import expanded
 from mcsettle.study.objects import StudyObjects
 from mcsettle.study.read import parsed_toml, toml_data, with_tuples
 from mcsettle.study.sample_cap import capped
-from mcsettle.study.scenes import (
-    build_initial_profiles,
-    build_scene,
-    step_b_key,
-)
-from mcsettle.study.uncertain import (
-    has_uncertain_traffic,
-    uncertain_settlement,
-    with_values,
-)
+from mcsettle.study.scenes import build_initial_profiles, build_scene, step_b_key
+from mcsettle.study.uncertain import has_uncertain_traffic, uncertain_settlement, with_values
 from mcsettle.study.written import study_data, study_digest
 
 PARAMETER_SETS = 64  # of a study with uncertain inputs that does not say how many

@@ -18,11 +18,7 @@ from mcsettle.step_a.fem25d.element import (
     element_operators,
     vector_basis,
 )
-from mcsettle.step_a.fem25d.mesh_lines import (
-    Lines,
-    element_columns,
-    structured_mesh,
-)
+from mcsettle.step_a.fem25d.mesh_lines import Lines, element_columns, structured_mesh
 from mcsettle.step_a.fem25d.pml import Border
 from mcsettle.step_a.fem25d.stress_outputs import stress_operators
 

@@ -19,9 +19,7 @@ FIXED = ("profile.window_m", "profile.shortest_m", "profile.longest_m", "limit.h
 
 
 def uncertain_faults(
-    study: StudyTables,
-    data: Mapping[str, Any],
-    accept: Callable[[Mapping[str, Any]], object],
+    study: StudyTables, data: Mapping[str, Any], accept: Callable[[Mapping[str, Any]], object]
 ) -> list[Fault]:
     """Faults of the uncertain inputs of a study that is valid without them.
 

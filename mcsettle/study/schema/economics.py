@@ -6,14 +6,7 @@ from pydantic import Field
 
 from mcsettle.study.schema.base import Cycles, Name, Positive, Table
 from mcsettle.study.schema.currencies import Currency
-from mcsettle.study.schema.quantities import (
-    Millimetres,
-    PerCent,
-    Speed,
-    Years,
-    in_plain,
-    quantity,
-)
+from mcsettle.study.schema.quantities import Millimetres, PerCent, Speed, Years, in_plain, quantity
 
 EffectKind = Literal["speed", "tonnage"]
 TrainsAYear = Annotated[Positive, in_plain("1000/year")]

@@ -14,14 +14,7 @@ class UncertainTable(Table):
     input: KeyPath
     also: Annotated[tuple[KeyPath, ...], Field(max_length=20)] = ()
     distribution: Literal[
-        "normal",
-        "lognormal",
-        "uniform",
-        "log_uniform",
-        "triangular",
-        "pert",
-        "beta",
-        "discrete",
+        "normal", "lognormal", "uniform", "log_uniform", "triangular", "pert", "beta", "discrete"
     ]
     mean: float | None = None
     sd: Positive | None = None
