@@ -50,33 +50,6 @@ def perpetual_present_value(
         return np.asarray(tamping_cost / np.abs(np.expm1(-rate_years)))
 
 
-def present_value(
-    tamping_cost: Number,
-    discount_rate: Number,
-    first_interval: Number,
-    later_interval: Number,
-    observed: Number = 0.0,
-) -> np.ndarray:
-    """Present value at time ``observed``, before the first tamping, of all tamping, Eq. (5).
-
-    Parameters
-    ----------
-    tamping_cost : float or ndarray, currency/track-km
-    discount_rate : float or ndarray, 1/year, positive
-    first_interval, later_interval : float or ndarray, years
-        T, the time of the first tamping, and the constant interval after it.
-    observed : float or ndarray, years
-        t̃, before the first tamping.
-
-    Returns
-    -------
-    ndarray, currency/track-km.
-    """
-    wait = np.asarray(first_interval, dtype=float) - observed
-    perpetual = perpetual_present_value(tamping_cost, discount_rate, later_interval)
-    return np.asarray(np.exp(-discount_rate * wait) * perpetual)
-
-
 def present_value_slope(
     tamping_cost: Number, discount_rate: Number, interval: Number, observed: Number = 0.0
 ) -> np.ndarray:
@@ -233,9 +206,8 @@ class Effects:
 
     ``status`` is ``paired`` where both intervals are known, ``censored`` where one of them ran into
     its horizon, ``at_limit`` where the track was at its limit before any traffic, ``failed`` where one
-    has no result. ``reduction_percent``, ``elasticity`` and
-    ``marginal_cost`` (in the unit of ``change``) are NaN unless paired. ``reduction_lower`` and
-    ``reduction_upper`` bound the reduction in every pair by what censoring leaves known.
+    has no result. ``reduction_percent`` 100 (1 − T₂/T₁), ``elasticity`` and ``marginal_cost`` (in the
+    unit of ``change``) are NaN unless paired.
     """
 
     change: Change
@@ -243,8 +215,6 @@ class Effects:
     reduction_percent: np.ndarray
     elasticity: np.ndarray
     marginal_cost: np.ndarray
-    reduction_lower: np.ndarray
-    reduction_upper: np.ndarray
 
 
 def paired_effects(
@@ -286,22 +256,14 @@ def paired_effects(
     cost = marginal_cost(gamma, first / DAYS_PER_YEAR, tamping_cost, discount_rate, change.divisor)
     failed = np.isnan(np.fmax(first, first_limit)) | np.isnan(np.fmax(second, second_limit))
     paired = ~np.isnan(first) & ~np.isnan(second)
-    # Censored: the interval lies between its horizon and infinity; failed: anywhere.
-    shortest = [
-        _known(first, np.nan_to_num(first_limit)),
-        _known(second, np.nan_to_num(second_limit)),
-    ]
-    longest = [_known(first, np.inf), _known(second, np.inf)]
     return Effects(
         change=change,
         status=np.where(
             rough, "at_limit", np.where(paired, "paired", np.where(failed, "failed", "censored"))
         ),
-        reduction_percent=_reduction_percent(first, second),
+        reduction_percent=100.0 * (1.0 - second / first),
         elasticity=gamma,
         marginal_cost=cost,
-        reduction_lower=_reduction_percent(shortest[0], longest[1]),
-        reduction_upper=_reduction_percent(longest[0], shortest[1]),
     )
 
 
@@ -345,11 +307,3 @@ def highest_costs(
 def _known(days: np.ndarray, otherwise: Number) -> np.ndarray:
     """Days where known, and the value given otherwise."""
     return np.where(np.isnan(days), otherwise, days)
-
-
-def _reduction_percent(base: np.ndarray, changed: np.ndarray) -> np.ndarray:
-    """100 (1 − T₂/T₁), with the limits 100 for T₁ → ∞ and −∞ for T₂ → ∞ or T₁ → 0."""
-    ratio = np.full(base.shape, np.inf)
-    np.divide(changed, base, out=ratio, where=(base > 0.0) & np.isfinite(changed))
-    ratio[np.isnan(base) | np.isnan(changed)] = np.nan
-    return 100.0 * (1.0 - ratio)

@@ -25,6 +25,7 @@ from mcsettle.step_a.transfers import section_settings
 from mcsettle.step_b.passage import mode_numbers
 from mcsettle.step_b.settlement import cycle_rate
 from mcsettle.step_b.spectral import growth, mode_pairs, train_form
+from mcsettle.study.build import build_settlement
 from mcsettle.study.parameter_sets import all_sets
 from mcsettle.study.study import Study, load_study
 
@@ -72,7 +73,7 @@ def _compared(study: Study) -> tuple[int, int, float, float, float, float, float
         solves.append(response.solves)
         modes = study.wavenumbers
         transfers.append(precompute(service.train, service.speed, response, modes))
-    model = study.settlement_settings(variant).model(track)
+    model = build_settlement(study.settlement_settings(variant), track)
     rates = [_rates(study, transfer, model) for transfer in transfers]
     first, second = transfers
     return (

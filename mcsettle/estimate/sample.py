@@ -173,7 +173,7 @@ def effect_quantile(
     level : float, 0 to 1
     unit : str
     bound_lower, bound_upper : ndarray, shape [R], optional
-        What is known of every pair (``Effects.reduction_lower``); by default nothing about a
+        What is known of every pair; by default nothing about a
         censored one.
     confidence : float
 
@@ -258,17 +258,10 @@ def summarise_intervals(
 
 
 def summarise_effects(
-    values: np.ndarray,
-    unit: str,
-    bound_lower: np.ndarray | None = None,
-    bound_upper: np.ndarray | None = None,
-    levels: tuple[float, ...] = LEVELS,
+    values: np.ndarray, unit: str, levels: tuple[float, ...] = LEVELS
 ) -> list[Statistic]:
     """Quantiles of a paired effect (``effect_quantile``); its mean too if none is censored."""
-    rows = [
-        Statistic("quantile", p, effect_quantile(values, p, unit, bound_lower, bound_upper))
-        for p in levels
-    ]
+    rows = [Statistic("quantile", p, effect_quantile(values, p, unit)) for p in levels]
     if not np.any(np.isnan(values)):
         rows.append(Statistic("mean", None, mean(values, unit)))
     return rows

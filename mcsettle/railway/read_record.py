@@ -31,7 +31,6 @@ MOST_ROWS = 20_000_000
 MOST_RUNS = 1000
 LEAST_POINTS = 10  # of a run
 LEVEL_UNITS = {"mm": 1e-3, "m": 1.0, "cm": 1e-2, "in": 0.0254}
-RAILS = ("mean", "worse")
 _VERSINE = re.compile(r"versine|chord|pfeilh|sehne|fl[eè]che", re.IGNORECASE)
 
 

@@ -10,7 +10,6 @@ References
 Theil (1950) and Sen (1968): the line of median slopes, which false lags do not move.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -233,12 +232,3 @@ def _robust_line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     i, j = np.triu_indices(len(x), 1)
     slope = float(np.median((y[j] - y[i]) / (x[j] - x[i])))
     return float(np.median(y - slope * x)), slope
-
-
-def covered_by_all(runs: Sequence[Run]) -> tuple[float, float]:
-    """First and last chainage [m] that all of the aligned ``runs`` cover."""
-    first = max(float(run.chainage[0]) for run in runs)
-    last = min(float(run.chainage[-1]) for run in runs)
-    if last <= first:
-        raise InputError("the runs have no chainage in common")
-    return first, last

@@ -20,7 +20,6 @@ from mcsettle.errors import InputError
 from mcsettle.railway.irregularity import random_amplitudes
 from mcsettle.railway.spectra import Spectrum
 
-DISTRIBUTIONS = ("gaussian", "lognormal")
 LARGEST_GAUSSIAN = 0.3  # point coefficient of variation: 1 + h < 0 in 0.04 % of the track
 SECTION_STREAM, FIELD_STREAM, LAYER_STREAM = 1, 2, 3  # the layers' own fields follow the last
 LARGEST_LOG_SD = 1.5  # of a lognormal field at a point

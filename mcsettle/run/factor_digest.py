@@ -14,7 +14,6 @@ from typing import Any
 from mcsettle.railway.scene import Scene
 from mcsettle.railway.track import SectionTrack
 from mcsettle.step_a.transfers import section_settings
-from mcsettle.study.build import SettlementSettings
 from mcsettle.study.build_forms import variability_table
 from mcsettle.study.schema.run import SettlementTable
 from mcsettle.study.study import Study
@@ -97,14 +96,12 @@ def factor_warnings(study: Study) -> list[str]:
     return remarks
 
 
-def _read_otherwise(
-    settings: SettlementSettings, study: SettlementTable, varies: bool
-) -> list[str]:
+def _read_otherwise(settings: SettlementTable, study: SettlementTable, varies: bool) -> list[str]:
     """Keys that ``settings`` of a variant read otherwise than the ``study``, whose factor they have.
 
     ``varies``: whether the support does so otherwise.
     """
-    own = asdict(settings)
+    own = settings.model_dump(exclude={"factor_digest"})
     common = {key: getattr(study, key) for key in own}
     if own["settlement_factor"] != common["settlement_factor"]:
         return []

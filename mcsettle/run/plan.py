@@ -116,7 +116,7 @@ def _probe(
         return seconds, passages
     rate = _marching(case, scene, profiles, support)
     trains = passages / case.timetable.passages_per_day
-    trains *= sum(service.per_day for service in case.timetable.services)
+    trains *= case.timetable.trains_per_day
     return (passages if scene.stepping == "every_axle" else trains) / rate, passages
 
 

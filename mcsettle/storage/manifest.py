@@ -21,14 +21,6 @@ FORMAT = 1  # of the manifest
 LARGEST_MANIFEST = 1_000_000_000
 
 
-def is_finished(folder: Where) -> bool:
-    """Whether the folder has a manifest: a run's last word."""
-    try:
-        return listed_in(place(folder)) is not None
-    except InputError:
-        return False
-
-
 def lists(folder: Where, table: str) -> bool:
     """Whether the manifest names a file of ``table``; False where there is none."""
     return any(name.startswith(f"{table}/") for name in listed_in(place(folder)) or ())

@@ -7,7 +7,7 @@ object, read backwards it writes every value of the preset into the table.
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -88,34 +88,12 @@ CURVE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 SETTLEMENT_KEYS = tuple(key for key in SettlementTable.model_fields if key != "factor_digest")
 
 
-@dataclass(frozen=True)
-class SettlementSettings:
-    """The ``[settlement]`` keys of one variant, with its overrides applied.
-
-    Cycle counts are axle passages; ``integration_depth_m`` [m] starts at the subgrade surface.
-    """
-
-    stress: str
-    cycles: str
-    ballast_cycles_before: float
-    subgrade_cycles_before: float
-    cycles_per_passage: float
-    settlement_factor: float
-    integration_depth_m: float
-    equivalence_exponent: float | str | None = None
-    ballast_equivalence_exponent: float | None = None
-    equivalence_history: str | None = None
-    long_run_cycles: float | None = None
-    long_run_strength: float | None = None
-    section_log_sd: float | None = None
-
-    def model(self, track: Track) -> SettlementModel:
-        """The settlement model of ``track`` under these settings."""
-        values = asdict(self)
-        del values["integration_depth_m"], values["section_log_sd"]
-        if self.long_run_strength is None:
-            del values["long_run_strength"]
-        return SettlementModel(tuple(layer.law for layer in track.layers), **values)
+def build_settlement(settings: SettlementTable, track: Track) -> SettlementModel:
+    """The settlement model of ``track`` under the ``settings`` of its variant."""
+    values = settings.model_dump(exclude={"integration_depth_m", "section_log_sd", "factor_digest"})
+    if settings.long_run_strength is None:
+        del values["long_run_strength"]
+    return SettlementModel(tuple(layer.law for layer in track.layers), **values)
 
 
 def build_track(table: TrackTable, variant: VariantTable | None = None) -> Track:
@@ -232,11 +210,10 @@ def build_timetable(scenario: ScenarioTable, trains: Mapping[str, Train]) -> Tim
     return Timetable(services)
 
 
-def settlement_settings(table: SettlementTable, variant: VariantTable) -> SettlementSettings:
+def settlement_settings(table: SettlementTable, variant: VariantTable) -> SettlementTable:
     """The settlement settings of ``variant``: its own keys, else the study's."""
-    own = {key: getattr(variant, key) for key in SETTLEMENT_KEYS}
-    common = {key: getattr(table, key) for key in SETTLEMENT_KEYS}
-    return SettlementSettings(**{k: common[k] if v is None else v for k, v in own.items()})
+    own = {key: value for key in SETTLEMENT_KEYS if (value := getattr(variant, key)) is not None}
+    return table.model_copy(update=own | {"factor_digest": None})
 
 
 def resolved_track(table: TrackTable, softens: bool) -> TrackTable:
@@ -272,7 +249,7 @@ def resolved_variant(
     table: VariantTable, settlement: SettlementTable, uncertain: Collection[str] = ()
 ) -> VariantTable:
     """``table`` with the settlement keys it inherits written out, but for those ``uncertain``."""
-    settings = asdict(settlement_settings(settlement, table))
+    settings = settlement_settings(settlement, table).model_dump(exclude={"factor_digest"})
     own = table.model_dump(exclude_none=True)
     inherited = {key: value for key, value in settings.items() if key not in uncertain}
     if table.settlement_factor is None and settlement.factor_digest is not None:

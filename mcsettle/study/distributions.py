@@ -114,7 +114,7 @@ def distribution(
     """
     given = {key: value for key, value in parameters.items() if value is not None}
     _check_names(kind, given)
-    frozen = _BUILDERS[kind](given)
+    frozen = _frozen(kind, given)
     endless = kind in ("normal", "lognormal")
     if at_least is None and at_most is None:
         return Distribution(frozen, endless=endless)
@@ -163,68 +163,42 @@ def _range(kind: str, given: Mapping[str, Any]) -> tuple[float, float]:
     return low, high
 
 
-def _normal(given: Mapping[str, Any]) -> Any:
-    from scipy import stats
+def _frozen(kind: str, given: Mapping[str, Any]) -> Any:
+    """The whole distribution, with its ``ppf`` and ``cdf``."""
+    from scipy import stats  # takes longer to import than all the rest
 
-    (sd,) = _positive("normal", given, "sd")
-    _check_felt("normal", "sd", sd, float(given["mean"]))
-    return stats.norm(given["mean"], sd)
-
-
-def _lognormal(given: Mapping[str, Any]) -> Any:
-    from scipy import stats
-
-    name = "cov" if "cov" in given else "log_sd"
-    median, spread = _positive("lognormal", given, "median", name)
-    _check_felt("lognormal", name, spread, 1.0)
-    log_sd = float(np.sqrt(np.log1p(spread**2))) if name == "cov" else spread
-    return stats.lognorm(log_sd, scale=median)
-
-
-def _uniform(given: Mapping[str, Any]) -> Any:
-    from scipy import stats
-
-    low, high = _range("uniform", given)
-    return stats.uniform(low, high - low)
-
-
-def _log_uniform(given: Mapping[str, Any]) -> Any:
-    _positive("log_uniform", given, "low")
-    return _LogUniform(*_range("log_uniform", given))
-
-
-def _three(kind: str, given: Mapping[str, Any]) -> tuple[float, float, float]:
+    match kind:
+        case "normal":
+            (sd,) = _positive(kind, given, "sd")
+            _check_felt(kind, "sd", sd, float(given["mean"]))
+            return stats.norm(given["mean"], sd)
+        case "lognormal":
+            name = "cov" if "cov" in given else "log_sd"
+            median, spread = _positive(kind, given, "median", name)
+            _check_felt(kind, name, spread, 1.0)
+            log_sd = float(np.sqrt(np.log1p(spread**2))) if name == "cov" else spread
+            return stats.lognorm(log_sd, scale=median)
+        case "discrete":
+            return _discrete(given)
+        case "log_uniform":
+            _positive(kind, given, "low")
+            return _LogUniform(*_range(kind, given))
     low, high = _range(kind, given)
+    if kind == "uniform":
+        return stats.uniform(low, high - low)
+    if kind == "beta":
+        return stats.beta(*_positive(kind, given, "alpha", "beta"), low, high - low)
     mode = float(given["mode"])
     if not low <= mode <= high:
         raise InputError(f"{kind}: mode = {mode:g} lies outside {low:g} … {high:g}")
-    return low, mode, high
-
-
-def _triangular(given: Mapping[str, Any]) -> Any:
-    from scipy import stats
-
-    low, mode, high = _three("triangular", given)
-    return stats.triang((mode - low) / (high - low), low, high - low)
-
-
-def _pert(given: Mapping[str, Any]) -> Any:
-    from scipy import stats
-
-    low, mode, high = _three("pert", given)
     share = (mode - low) / (high - low)
+    if kind == "triangular":
+        return stats.triang(share, low, high - low)
     shapes = 1.0 + PERT_WEIGHT * share, 1.0 + PERT_WEIGHT * (1.0 - share)
     return stats.beta(*shapes, low, high - low)
 
 
-def _beta(given: Mapping[str, Any]) -> Any:
-    from scipy import stats
-
-    low, high = _range("beta", given)
-    return stats.beta(*_positive("beta", given, "alpha", "beta"), low, high - low)
-
-
-def _discrete(given: Mapping[str, Any]) -> Any:
+def _discrete(given: Mapping[str, Any]) -> _Discrete:
     values = np.asarray(given["values"], dtype=float)
     weights = np.asarray(given.get("weights", np.ones(len(values))), dtype=float)
     if len(values) == 0 or len(weights) != len(values):
@@ -233,15 +207,3 @@ def _discrete(given: Mapping[str, Any]) -> Any:
         raise InputError("discrete: weights must be positive and values must differ")
     order = np.argsort(values)
     return _Discrete(values[order], np.cumsum(weights[order]) / np.sum(weights))
-
-
-_BUILDERS = {
-    "normal": _normal,
-    "lognormal": _lognormal,
-    "uniform": _uniform,
-    "log_uniform": _log_uniform,
-    "triangular": _triangular,
-    "pert": _pert,
-    "beta": _beta,
-    "discrete": _discrete,
-}

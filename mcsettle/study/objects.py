@@ -13,7 +13,6 @@ from mcsettle.railway.softening_choices import SofteningSettings
 from mcsettle.railway.track import Track
 from mcsettle.railway.traffic import Timetable, Train
 from mcsettle.study.build import (
-    SettlementSettings,
     build_softening,
     build_timetable,
     build_track,
@@ -23,6 +22,7 @@ from mcsettle.study.build_trains import build_train
 from mcsettle.study.effects import StudyEffect, effect_entries, study_effects
 from mcsettle.study.faults import suggestion
 from mcsettle.study.scenes import profile_wavenumbers, recorded_days
+from mcsettle.study.schema.run import SettlementTable
 from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.traffic import ScenarioTable
 from mcsettle.study.schema.uncertain import UncertainTable
@@ -104,7 +104,7 @@ class StudyObjects(StudyTables):
         entries = effect_entries(self)
         return entries[0].baseline if entries else self.scenario_names[0]
 
-    def settlement_settings(self, variant: str) -> SettlementSettings:
+    def settlement_settings(self, variant: str) -> SettlementTable:
         """The settlement settings of ``variant``, its overrides applied."""
         return settlement_settings(self.settlement, self.variant(variant))
 

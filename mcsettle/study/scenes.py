@@ -8,6 +8,7 @@ import numpy as np
 from mcsettle.railway.initial_profiles import InitialProfiles, MeasuredSections
 from mcsettle.railway.irregularity import profile_modes, wavenumbers
 from mcsettle.railway.scene import Scene
+from mcsettle.study.build import build_settlement
 from mcsettle.study.build_forms import build_rail_loads, build_support
 from mcsettle.study.schema.study import StudyTables
 from mcsettle.units import DAYS_PER_YEAR, MM
@@ -26,7 +27,7 @@ def build_scene(study: "Study", variant: str, scenario: str) -> Scene:
         scenario=scenario,
         track=track,
         timetable=study.timetable(scenario, variant),
-        settlement=settings.model(track),
+        settlement=build_settlement(settings, track),
         integration_depth=settings.integration_depth_m,
         softening=study.softening(variant),
         contact=study.track_table.hertz_stiffness_n_per_m,

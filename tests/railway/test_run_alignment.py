@@ -7,7 +7,7 @@ from mcsettle.errors import InputError
 from mcsettle.railway.filters import Band, band_passed
 from mcsettle.railway.irregularity import sample_profiles, to_space, wavenumbers
 from mcsettle.railway.record import Run
-from mcsettle.railway.run_alignment import aligned, covered_by_all, increment, repeat_error
+from mcsettle.railway.run_alignment import aligned, increment, repeat_error
 from mcsettle.railway.spectra import spectrum
 
 LENGTH, STEP = 1600.0, 0.25
@@ -68,7 +68,6 @@ def test_another_track_and_no_track_in_common_are_refused() -> None:
         aligned(run(), far)
     with pytest.raises(InputError, match=r"100 m in common; aligning takes 240 m"):
         aligned(run(), Run("short", run().chainage + LENGTH - 100.0, run().level))
-    assert covered_by_all([run(), run(4.0)]) == (0.0, LENGTH - STEP - 4.0)
 
 
 def test_the_error_of_an_sd_is_estimated_from_repeats_with_its_interval() -> None:

@@ -302,7 +302,7 @@ def test_variants_override_settlement_and_layers() -> None:
     assert study.track("base").layers[-1].k0 == 0.5
     assert study.track("k04").layers[-1].k0 == 0.4
     assert study.track("k04").layers[:-1] == study.track("base").layers[:-1]
-    model = base.model(study.track("base"))
+    model = study.scene("base", study.scenario_names[0]).settlement
     assert model.laws == tuple(layer.law for layer in CASE_STUDY_TRACK.layers)
     with pytest.raises(InputError, match="did you mean 'total'"):
         study.settlement_settings("totl")
