@@ -18,7 +18,7 @@ import numpy as np
 from scipy import special
 
 from mcsettle.estimate import sample as plain
-from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
+from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic, finite
 from mcsettle.estimate.order_statistics import implied_error, order_positions, worth
 from mcsettle.estimate.resampling import Resampling, Weights, plain_weights
 from mcsettle.estimate.weighted_quantiles import first_to_reach
@@ -120,9 +120,9 @@ class CrossedSample:
             lower = _limits(lowest, levels[k], below[k, 0], drawn)[0]
             upper = _limits(highest, levels[k], above[k, 0], drawn)[1]
             if below[k, 0] == above[k, 0]:
-                finite = np.isfinite(below[k, 1:]) & (below[k, 1:] == above[k, 1:])
-                error = float(np.std(below[k, 1:], ddof=1)) if np.all(finite) else None
-                value = _number(below[k, 0])
+                certain = np.isfinite(below[k, 1:]) & (below[k, 1:] == above[k, 1:])
+                error = float(np.std(below[k, 1:], ddof=1)) if np.all(certain) else None
+                value = finite(below[k, 0])
                 estimates.append(Estimate(value, lower, upper, error, n, n_unknown, self.unit))
                 continue
             known = float(_quantiles(self.values, levels, drawn, 1)[k, 0])
@@ -141,7 +141,7 @@ class CrossedSample:
         n, n_censored = int(np.sum(self.valid)), int(np.sum(self.censored))
         estimates = []
         for level, found in zip(levels, _quantiles(values, levels, drawn), strict=True):
-            value, error, note = _number(found[0]), None, ""
+            value, error, note = finite(found[0]), None, ""
             if np.isinf(found[0]):
                 note = f"not reached by day {np.nanmax(self.at_least):g}"
             elif np.all(np.isfinite(found[1:])):
@@ -186,8 +186,8 @@ class CrossedSample:
         ends = np.quantile(others, levels) if len(others) else (None, None)
         error = float(np.std(others, ddof=1)) if len(others) > 1 else None
         n = int(np.sum(known))
-        limits = _number(ends[0]), _number(ends[1])
-        return Estimate(_number(means[0]), *limits, error, n, 0, self.unit, self.note)
+        limits = finite(ends[0]), finite(ends[1])
+        return Estimate(finite(means[0]), *limits, error, n, 0, self.unit, self.note)
 
     def section_mean(self) -> Estimate:
         """``mean``, of one parameter set that of independent tracks."""
@@ -304,7 +304,7 @@ def _limits(
     ends = []
     for position in order_positions(n, level):
         found = None if position is None else _quantiles(values, (position,), drawn, 1)[0, 0]
-        ends.append(_number(found))
+        ends.append(finite(found))
     return ends[0], ends[1]
 
 
@@ -325,7 +325,3 @@ def _weight_below(values: np.ndarray, bounds: np.ndarray, drawn: Resampling) -> 
     return np.array(
         [sets @ (known & (values <= x)) @ tracks[drawn.blocks] for sets, x, tracks in parts]
     )
-
-
-def _number(value: float | None) -> float | None:
-    return float(value) if value is not None and np.isfinite(value) else None

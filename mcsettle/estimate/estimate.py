@@ -12,12 +12,18 @@ References: Maritz and Jarrett (1978), A note on estimating the variance of the 
 Journal of the American Statistical Association 73, 194–196.
 """
 
+import math
 from dataclasses import dataclass
 
 from mcsettle.estimate.rounding import NOT_REACHED, decimals, is_error, with_error
 
 LEVELS = (0.05, 0.5, 0.95)
 CONFIDENCE = 0.95
+
+
+def finite(value: float | None) -> float | None:
+    """The number; None for an infinite or undefined one."""
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 @dataclass(frozen=True)

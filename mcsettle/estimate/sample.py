@@ -9,7 +9,7 @@ import numpy as np
 from scipy import special
 
 from mcsettle.errors import InputError
-from mcsettle.estimate.estimate import CONFIDENCE, LEVELS, Estimate, Statistic
+from mcsettle.estimate.estimate import CONFIDENCE, LEVELS, Estimate, Statistic, finite
 from mcsettle.estimate.order_statistics import implied_error
 
 CHUNK, LARGEST_KEPT = (
@@ -152,7 +152,7 @@ def restricted_mean(
     reach = float(special.stdtrit(n - 1, 0.5 + 0.5 * confidence)) * error if error else error
     reach = np.nan if reach is None else reach
     note = f"restricted to day {limit:g}" if np.isfinite(limit) else ""
-    lower, upper = _finite(value - reach), _finite(value + reach)
+    lower, upper = finite(value - reach), finite(value + reach)
     return Estimate(value, lower, upper, error, n, len(horizons), "d", note)
 
 
@@ -245,7 +245,7 @@ def mean(
     if error <= 1e-12 * abs(value):
         return Estimate(value, value, value, 0.0, n, 0, unit)
     low, high = _studentised(sample, confidence, n_resamples, seed)
-    return Estimate(value, _finite(low), _finite(high), error, n, 0, unit)
+    return Estimate(value, finite(low), finite(high), error, n, 0, unit)
 
 
 def summarise_intervals(
@@ -301,8 +301,8 @@ def _order_statistics(
     ordered = np.sort(sample)
     low, high = _binomial_ends(len(ordered), level, confidence)
     return (
-        _finite(ordered[low]) if low >= 0 else None,
-        _finite(ordered[high]) if high < len(ordered) else None,
+        finite(ordered[low]) if low >= 0 else None,
+        finite(ordered[high]) if high < len(ordered) else None,
     )
 
 
@@ -376,8 +376,3 @@ def _counts(rng: np.random.Generator, n: int, n_resamples: int) -> np.ndarray:
     rows = rng.integers(0, n, (n_resamples, n)) + n * np.arange(n_resamples)[:, None]
     counts = np.bincount(rows.ravel(), minlength=n * n_resamples).astype(float)
     return counts.reshape(n_resamples, n)
-
-
-def _finite(number: float) -> float | None:
-    """The number, or None for an infinite or undefined one."""
-    return float(number) if np.isfinite(number) else None

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import special
 
 from mcsettle.errors import InputError
-from mcsettle.estimate.estimate import CONFIDENCE, Estimate
+from mcsettle.estimate.estimate import CONFIDENCE, Estimate, finite
 
 LEAST_SETS = 32  # for first-order indices
 
@@ -58,7 +58,7 @@ def variance_split(scores: np.ndarray, scale: str, set_weights: np.ndarray | Non
     errors = np.sqrt(_jackknife(scores, weights, 0) + _jackknife(scores, weights, 1))
     reach = float(special.stdtrit(min(scores.shape) - 1, 0.5 + 0.5 * CONFIDENCE))
     parts = [
-        Estimate(float(v), *_share_limits(float(v), float(e), reach), _number(e), scores.size, 0, "1",
+        Estimate(float(v), *_share_limits(float(v), float(e), reach), finite(e), scores.size, 0, "1",
                  f"of the variance of the {scale}")
         for v, e in zip(shares, errors, strict=True)
     ]  # fmt: skip
@@ -71,10 +71,10 @@ def _share_limits(share: float, error: float, reach: float) -> tuple[float | Non
     An estimated share is skew; its log-odds hardly are.
     """
     if not 0.0 < share < 1.0 or not error < min(share, 1.0 - share):
-        return _number(share - reach * error), _number(share + reach * error)
+        return finite(share - reach * error), finite(share + reach * error)
     odds, wide = np.log(share / (1.0 - share)), reach * error / (share * (1.0 - share))
     ends = 1.0 / (1.0 + np.exp(-np.array([odds - wide, odds + wide])))
-    return _number(float(ends[0])), _number(float(ends[1]))
+    return finite(float(ends[0])), finite(float(ends[1]))
 
 
 def spread_scores(values: np.ndarray, censored: np.ndarray) -> tuple[np.ndarray, str]:
@@ -212,7 +212,3 @@ def _jackknife(scores: np.ndarray, weights: np.ndarray, axis: int) -> np.ndarray
         kept = weights if axis else np.delete(weights, block)
         left.append(_shares(np.delete(scores, block, axis=axis), kept))
     return np.asarray((len(left) - 1) * np.var(np.array(left), axis=0))
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

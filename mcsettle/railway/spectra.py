@@ -9,31 +9,16 @@ from mcsettle.errors import InputError
 
 Spectrum = Callable[[np.ndarray], np.ndarray]
 
-
 # Roughness A [m²·cycle/m] of FRA classes 1 to 6, for S(n) with n in cycles/m (Hamid & Yang, 1981).
 FRA_ROUGHNESS = (16.7217e-7, 9.5250e-7, 5.2917e-7, 2.9633e-7, 1.6722e-7, 0.9525e-7)
-
-
 FRA_CORNERS = (0.0233, 0.1312)  # cycles/m
-
-
 # Roughness A_v [m²·rad/m] of FRA classes 1 to 6 for the form with one corner (Berawi, Porto).
 ONE_CORNER_ROUGHNESS = (1.2107e-4, 1.0181e-4, 0.6816e-4, 0.5376e-4, 0.2095e-4, 0.0339e-4)
-
-
 ONE_CORNER = 0.8245  # rad/m
-
-
 ONE_CORNER_FACTOR = 0.25
-
-
 # Roughness A_v [m²·rad/m] of the German spectra, and their corners [rad/m].
 GERMAN_ROUGHNESS = {"german_low": 4.032e-7, "german_high": 10.80e-7}
-
-
 GERMAN_CORNERS = (0.0206, 0.8246)
-
-
 SPECTRA = ("fra", "fra_one_corner", "german_low", "german_high")
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mcsettle.estimate.weighted_quantiles import weighted_quantiles
 from mcsettle.railway.scene import Scene
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_a.transfers import StepA
@@ -75,10 +76,7 @@ def intervals_of(scene: Scene, transfers: Transfers, tracks: range = TRACKS) -> 
 
 def quantiles(errors: Sequence[LeftOut], shares: np.ndarray) -> Quantiles:
     """Quantiles over grounds that stand for ``shares`` [N] of a population."""
-    days, points = (
-        _pooled([e.days for e in errors], shares),
-        _pooled([e.points for e in errors], shares),
-    )
+    days, points = (_pooled([getattr(e, of) for e in errors], shares) for of in ("days", "points"))
     return Quantiles(quantile(*days, 0.5), quantile(*days, LEVEL), quantile(*points, LEVEL))
 
 
@@ -92,17 +90,8 @@ def errors_per_deviation(errors: Sequence[LeftOut], shares: np.ndarray) -> tuple
 
 
 def quantile(values: np.ndarray, weights: np.ndarray, level: float) -> float:
-    """Smallest of ``values`` [n] with at least ``level`` of the ``weights`` [n]; 0 of none.
-
-    >>> quantile(np.array([3.0, 1.0, 2.0]), np.ones(3), 0.5)
-    2.0
-    """
-    if not len(values):
-        return 0.0
-    order = np.argsort(values, kind="stable")
-    reached = np.cumsum(weights[order])
-    place = int(np.searchsorted(reached, level * reached[-1] * (1.0 - 1e-12)))
-    return float(values[order][min(place, len(values) - 1)])
+    """Smallest of ``values`` [n] with at least ``level`` of the ``weights`` [n]; 0 of none."""
+    return float(np.nan_to_num(weighted_quantiles(values, weights, (level,))[0]))
 
 
 def _pooled(values: Sequence[np.ndarray], shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

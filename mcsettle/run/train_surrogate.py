@@ -62,21 +62,13 @@ class _Learning:
         return sum(map(len, of_sets))
 
 
-def trained_predictor(
+def set_predictor(
     candidates: Candidates, store: TransferStore, processes: int = 1, progress: Progress = silent
-) -> GroundPredictor | None:
-    """Predictor of the Step A of the parameter sets of a study; None where all have the same.
+) -> Training | None:
+    """Give ``store`` a predictor of the Step A of parameter sets; returns what it has learnt from.
 
-    Parameters
-    ----------
-    candidates : Candidates
-        Sets of the study to learn from.
-    store : TransferStore
-        That of its parameter sets; unchanged.
-    processes : int
-        Spawned for the grounds to learn from.
-    progress : callable, optional
-        Called as progress(stage, done, total).
+    None, and no predictor, where all ``candidates`` have the same. ``processes`` are spawned for the
+    grounds to learn from.
     """
     state = _begun(candidates, replace(store, responses={}, transfers={}, first=set()))
     if state.places.shape[1] == 0:
@@ -86,11 +78,13 @@ def trained_predictor(
     digest = digest_of({"study": candidates.digest, "code": code_digest()})
     path = cache_folder() / f"surrogate-{digest[:32]}.npz"
     stored = read_arrays(path, "training of a surrogate", lambda arrays: str(arrays["training"]))
-    if stored is not None:
-        return _restored(state, json.loads(stored), tolerance, processes, progress)
-    predictor = _trained(state, table.most_grounds, tolerance, processes, progress)
-    write_arrays(path, {"training": np.array(_stored(state, predictor))})
-    return predictor
+    if stored is None:
+        predictor = _trained(state, table.most_grounds, tolerance, processes, progress)
+        write_arrays(path, {"training": np.array(_stored(state, predictor))})
+    else:
+        predictor = _restored(state, json.loads(stored), tolerance, processes, progress)
+    store.predictor = predictor
+    return predictor.training
 
 
 def _trained(
@@ -115,25 +109,16 @@ def _affordable(state: _Learning, sets: Sequence[int], most_grounds: int) -> lis
     return [c for c, total in zip(sets, np.cumsum(grounds), strict=True) if total <= most_grounds]
 
 
-def set_predictor(
-    candidates: Candidates, store: TransferStore, processes: int = 1, progress: Progress = silent
-) -> Training | None:
-    """Give ``store`` the predictor of a study; returns what it has learnt from."""
-    predictor = trained_predictor(candidates, store, processes, progress)
-    store.predictor = predictor
-    return None if predictor is None else predictor.training
-
-
 def _stored(state: _Learning, predictor: GroundPredictor) -> str:
     """A finished training as text; its transfer functions lie in the cache folder themselves."""
-    found = {
+    learnt_of_kind = {
         kind: {"lengths": s.kriging.lengths.tolist(), "terms": s.kriging.terms}
         for kind, s in predictor.surrogates.items()
     }
     return json.dumps(
         {
             "chosen": state.chosen,
-            "surrogates": found,
+            "surrogates": learnt_of_kind,
             "per_deviation": predictor.per_deviation,
             "training": asdict(predictor.training),
         }
@@ -150,19 +135,19 @@ def _restored(
     """Predictor of a training that was finished before."""
     _compute(state, stored["chosen"], processes, progress)
     members, surrogates = _members(state), {}
-    for kind, own in state.inputs.items():
+    for kind, inputs in state.inputs.items():
         points, transfers = _of_kind(state, members[kind])
-        found = stored["surrogates"][kind]
-        terms = tuple(tuple(term) for term in found["terms"])
-        surrogates[kind] = relearnt(own, points, transfers, np.array(found["lengths"]), terms)
-    known = stored["training"]
+        of_kind = stored["surrogates"][kind]
+        terms = tuple(tuple(term) for term in of_kind["terms"])
+        surrogates[kind] = relearnt(inputs, points, transfers, np.array(of_kind["lengths"]), terms)
+    training = stored["training"]
     return GroundPredictor(
         state.store,
         surrogates,
         set(state.transfers),
         Expected(*stored["per_deviation"]),
         tolerance,
-        Training(**(known | {"sets": tuple(known["sets"])})),
+        Training(**(training | {"sets": tuple(training["sets"])})),
     )
 
 
@@ -186,15 +171,14 @@ def _begun(candidates: Candidates, store: TransferStore) -> _Learning:
 def _places(passages: list[list[Passage]], inputs: dict[str, Inputs]) -> np.ndarray:
     """Sets as points [S, D] of all that varies between them: speeds that all have in common do not."""
     rows = [np.concatenate([_point(p, inputs) for p in of_set]) for of_set in passages]
-    found = inputs_of(np.stack(rows))
     # Points are standard deviations already, of either sign: taken as they are.
-    return np.stack(rows)[:, found.columns]
+    return np.stack(rows)[:, inputs_of(np.stack(rows)).columns]
 
 
 def _point(passage: Passage, inputs: dict[str, Inputs]) -> np.ndarray:
-    own = inputs[passage.description.kind].point(passage.description.numbers)
-    assert own is not None
-    return own
+    point = inputs[passage.description.kind].point(passage.description.numbers)
+    assert point is not None
+    return point
 
 
 def _compute(state: _Learning, sets: Sequence[int], processes: int, progress: Progress) -> None:
@@ -262,11 +246,11 @@ def _learnt(state: _Learning, tolerance: Expected) -> tuple[GroundPredictor, lis
     """Predictor from what is computed, and the sets that it predicts worst, worst first."""
     members = _members(state)
     surrogates = {}
-    for kind, own in state.inputs.items():
+    for kind, inputs in state.inputs.items():
         rows = members[kind]
         groups = [np.flatnonzero([c == candidate for c, _ in rows]) for candidate in state.chosen]
         points, transfers = _of_kind(state, rows)
-        surrogates[kind] = learnt(own, points, transfers, groups)
+        surrogates[kind] = learnt(inputs, points, transfers, groups)
     errors = [_left_out(state, surrogates, members, candidate) for candidate in state.chosen]
     shares = _shares(state.places, state.chosen)
     per_deviation = Expected(*errors_per_deviation(errors, shares))
@@ -274,10 +258,10 @@ def _learnt(state: _Learning, tolerance: Expected) -> tuple[GroundPredictor, lis
     expected = np.outer(deviations, per_deviation) / np.array(tolerance)
     beyond = np.max(expected, axis=1)
     beyond[state.chosen] = 0.0
-    found = quantiles(errors, shares)
+    worst_errors = quantiles(errors, shares)
     met = (
-        found.days_p95 <= tolerance.percent
-        and found.points_p95 <= tolerance.points
+        worst_errors.days_p95 <= tolerance.percent
+        and worst_errors.points_p95 <= tolerance.points
         and float(np.mean(beyond > 1.0)) <= OUTSIDE
     )
     order = np.argsort(-beyond, kind="stable")
@@ -291,9 +275,9 @@ def _learnt(state: _Learning, tolerance: Expected) -> tuple[GroundPredictor, lis
         Training(
             tuple(state.indices[c] for c in state.chosen),
             state.n_grounds,
-            found.days_median,
-            found.days_p95,
-            found.points_p95,
+            worst_errors.days_median,
+            worst_errors.days_p95,
+            worst_errors.points_p95,
             met,
             digest_of({kind: surrogate.digest for kind, surrogate in surrogates.items()}),
         ),
@@ -329,8 +313,8 @@ def _left_out(
     exact, predicted, deviation = {}, {}, 0.0
     for kind, surrogate in surrogates.items():
         group = np.flatnonzero([c == candidate for c, _ in members[kind]])
-        weights, own = surrogate.kriging.left_out(group)
-        deviation = max(deviation, float(np.max(own, initial=0.0)))
+        weights, deviations = surrogate.kriging.left_out(group)
+        deviation = max(deviation, float(np.max(deviations, initial=0.0)))
         for row, place in zip(weights, group, strict=True):
             passage = members[kind][place][1]
             exact[passage.key] = surrogate.training[place]

@@ -8,7 +8,8 @@ every depth. Two fields share one complex transform: z(x) = f(x) + i g(x) with f
 has the coefficients ½ (F + iG) U at k and ½ ((F − iG) U)* at −k.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -286,19 +287,11 @@ def joined(loads: list[PointwiseLoad]) -> PointwiseLoad:
     """Trains one after the other: the axles of the first, then those of the second, and so on."""
     first = np.cumsum([0] + [len(load.kind) for load in loads])
     start = [load.start[:-1] + f for load, f in zip(loads, first[:-1], strict=True)]
-    return PointwiseLoad(
-        start=np.concatenate([*start, first[-1:]]).astype(np.int32),
-        kind=np.concatenate([load.kind for load in loads]),
-        law=np.concatenate([load.law for load in loads]),
-        mean=np.concatenate([load.mean for load in loads]),
-        response=np.concatenate([load.response for load in loads]),
-        linear=np.concatenate([load.linear for load in loads]),
-        constant=np.concatenate([load.constant for load in loads]),
-        n_points=loads[0].n_points,
-        first_mode=loads[0].first_mode,
-        closes=np.concatenate([load.closes for load in loads]),
-        parts=loads[0].parts,
-    )
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(load, name) for load in loads])
+        for name in ("kind", "law", "mean", "response", "linear", "constant", "closes")
+    }
+    return replace(loads[0], start=np.concatenate([*start, first[-1:]]).astype(np.int32), **columns)
 
 
 def tables(load: PointwiseLoad) -> tuple[np.ndarray, ...]:
