@@ -69,7 +69,12 @@ def life_lines(found: Sequence["Life"]) -> Iterator[str]:
         for text, values in _rows(life):
             known = values[np.isfinite(values)]
             if _of_most(known, values):
-                yield _line(text, known)
+                part = (
+                    ""
+                    if len(known) == len(values)
+                    else f" (the {len(known)} known of {len(values)})"
+                )
+                yield _line(text, known) + part
             elif np.any(np.isinf(values)):
                 yield f"{text:<34}{'–':>20} (without discounting it has no end)"
             elif len(known):

@@ -4,14 +4,13 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import narrowed_by, stress_remarks
 from mcsettle.report.charging import by_unit, headline_unit, marginal_train
 from mcsettle.report.money import Money, money_for
 from mcsettle.report.price_words import (
-    USE,
     changes_of,
     price_interval,
     price_places,
@@ -30,35 +29,45 @@ if TYPE_CHECKING:
 
 LINES, COLUMNS, NARROWEST = 30, 80, 50
 MOST_NARROWING = 3
+SHORTEST = 12  # a label, that is worth its place
 _EVERY = "Every number: mcsettle summarise {} --all, or --json"
+
+
+class Size(NamedTuple):
+    """How much a screen shows: columns, scenarios, and whether long labels have lines of their own."""
+
+    columns: int
+    scenarios: int
+    folded: bool
 
 
 def one_screen(results: "Results", answers: "Answers", name: str) -> list[str]:
     """The lines: question, prices, intervals, what next; ``name`` is the folder as it was given.
 
+    What does not fit beside its numbers stands on a line above them, where there are lines for that.
     As many scenarios as the lines have room for.
     """
     width = COLUMNS
     if sys.stdout.isatty():
         width = max(NARROWEST, min(COLUMNS, shutil.get_terminal_size().columns))
     most = len(answers.study.scenario_names)
-    while True:
-        lines = _screen(results, answers, name, (width, most))
-        if len(lines) <= LINES or most == 1:
-            return lines
-        most -= 1
+    for size in [Size(width, most, True), *(Size(width, n, False) for n in range(most, 0, -1))]:
+        lines = _screen(results, answers, name, size)
+        if len(lines) <= LINES:
+            break
+    return lines
 
 
-def _screen(results: "Results", answers: "Answers", name: str, size: tuple[int, int]) -> list[str]:
-    """The lines with so many columns and scenarios."""
-    width, most = size
+def _screen(results: "Results", answers: "Answers", name: str, size: "Size") -> list[str]:
+    """The lines of a screen of that size."""
+    width = size.columns
     shown = name if len(_EVERY.format(name)) <= width else "DIR"
     return [
         cut(answers.study.title or "untitled", width),
         cut(scope(results, answers), width),
         "",
-        *_prices(answers, width, most),
-        *_intervals(answers, width, most),
+        *_prices(answers, size),
+        *_intervals(answers, size),
         *_remarks(answers, width),
         *_next(answers, width),
         "",
@@ -67,25 +76,25 @@ def _screen(results: "Results", answers: "Answers", name: str, size: tuple[int, 
     ]
 
 
-def _prices(answers: "Answers", width: int, most: int) -> Iterator[str]:
+def _prices(answers: "Answers", size: "Size") -> Iterator[str]:
     """The question, a line for each scenario, and why some prices are not supported."""
-    shown = list(answers.summaries)[:most]
+    shown = list(answers.summaries)[: size.scenarios]
     if not shown:
         yield question(answers)
         return
     asked = question(answers)
     for group in by_unit(answers.study, shown):
-        yield from _group(answers, group, asked, width)
+        yield from _group(answers, group, asked, size)
         asked = ""
-    yield from _reasons(answers, shown, width)
+    yield from _reasons(answers, shown, size.columns)
     more = len(answers.summaries) - len(shown)
     if more:
         yield f"  {more} more scenarios: --all"
 
 
-def _group(answers: "Answers", shown: list[str], asked: str, width: int) -> Iterator[str]:
+def _group(answers: "Answers", shown: list[str], asked: str, size: "Size") -> Iterator[str]:
     """A line for each effect whose price is in the same unit, under what is ``asked``."""
-    units = {name: headline_unit(answers.study, name) for name in shown}
+    units, width = {name: headline_unit(answers.study, name) for name in shown}, size.columns
     money = _money(answers, units)
     units = {name: scaled_unit(unit, money.scale) for name, unit in units.items()}
     label = f"{(money.word or money.sign).strip()} per {units[shown[0]].label}"
@@ -104,8 +113,8 @@ def _group(answers: "Answers", shown: list[str], asked: str, width: int) -> Iter
         price = "no price" if effect is None else price_interval(effect, unit, places[name])
         summary = answers.summaries[name]
         spread = _range(summary.prices, unit.factor, places.get(name))
-        rows.append((cut(name, 22), _change(answers, name), price, spread, USE[summary.verdict]))
-    yield from _columns(rows, width, 1)  # a scenario's title stands below, its range only here
+        rows.append((cut(name, 22), _change(answers, name), price, spread, summary.verdict))
+    yield from _columns(rows, size, 1)  # a scenario's title stands below, its range only here
 
 
 def _reasons(answers: "Answers", shown: list[str], width: int) -> Iterator[str]:
@@ -126,10 +135,10 @@ def _reasons(answers: "Answers", shown: list[str], width: int) -> Iterator[str]:
         yield from _wrapped(f"{reason[0].upper()}{reason[1:]} ({', '.join(names)})", width)
 
 
-def _intervals(answers: "Answers", width: int, most: int) -> Iterator[str]:
+def _intervals(answers: "Answers", size: "Size") -> Iterator[str]:
     study, rows = answers.study, [("", "", "days", "half of the sections", "change")]
     late = f"> {number(study.limit.horizon_days, 0)}"
-    for name in study.scenario_names[: most + 1]:
+    for name in study.scenario_names[: size.scenarios + 1]:
         found = answers.intervals.get((answers.form, name))
         if found is None:
             continue
@@ -147,7 +156,7 @@ def _intervals(answers: "Answers", width: int, most: int) -> Iterator[str]:
         )
     yield ""
     yield "When is the line tamped?"
-    yield from _columns(rows, width, 3)
+    yield from _columns(rows, size, 3)
 
 
 def _remarks(answers: "Answers", width: int) -> Iterator[str]:
@@ -198,20 +207,28 @@ def _wrapped(text: str, width: int) -> list[str]:
     return textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="    ")
 
 
-def _columns(rows: "Sequence[tuple[str, ...]]", width: int, spare: int) -> Iterator[str]:
-    """Columns of text, the second cut to what the others leave; an indent before each line.
+def _columns(rows: "Sequence[tuple[str, ...]]", size: "Size", spare: int) -> Iterator[str]:
+    """Columns of text, an indent before each line.
 
-    Where even that is too narrow the column ``spare`` is left out: digits are never cut.
+    Labels (column 1) that have no room stand above the others, or are cut between words. Where even that
+    is too narrow the column ``spare`` is left out: digits are never cut.
     """
-    least = max(len(row[1]) for row in rows[1:]) if len(rows) > 1 else 0
     sizes = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    kept = list(range(len(sizes)))
-    room = width - 2 - sum(sizes) + sizes[1] - 2 * (len(sizes) - 1)
-    if room < min(least, 12):
+    kept = list(range(2, len(sizes)))
+    room = size.columns - 2 - sum(sizes) + sizes[1] - 2 * (len(sizes) - 1)
+    above = size.folded and room < sizes[1]
+    if above and room < -2:
+        kept.remove(3)
+        room += sizes[3] + 2
+    elif not above and room < min(sizes[1], SHORTEST) and spare > 1:
         kept.remove(spare)
         room += sizes[spare] + 2
-    second = min(sizes[1], max(room, 3))
+    second = 0 if room < SHORTEST <= sizes[1] and not above else min(sizes[1], max(room, 0))
     for row in rows:
-        cells = [row[0].ljust(sizes[0]), cut(row[1], second).ljust(second)]
-        cells += [text.rjust(size) for text, size in zip(row[2:], sizes[2:], strict=True)]
-        yield ("  " + "  ".join(cells[i] for i in kept)).rstrip()
+        cells = [row[0].ljust(sizes[0]), *([cut(row[1], second).ljust(second)] if second else [])]
+        if above:
+            if row[0]:
+                yield f"  {cells[0]}  {cut(row[1], size.columns - sizes[0] - 4)}"
+            cells = [" " * (sizes[0] + second)]
+        cells += [row[i].rjust(sizes[i]) for i in kept]
+        yield ("  " + "  ".join(cells)).rstrip()

@@ -11,7 +11,15 @@ from mcsettle.estimate.rounding import number
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
 from mcsettle.report.pictures import NOT_DRAWN, PAPER
-from mcsettle.report.words import as_given, cut, level, metric_words, percentile, unit_words
+from mcsettle.report.words import (
+    as_given,
+    cut,
+    level,
+    metric_words,
+    percentile,
+    unit_words,
+    unknown_of,
+)
 from mcsettle.study.schema.published import EFFECT_METRICS, ReferenceTable
 
 WIDE_BAND = (5.0, 95.0)
@@ -46,14 +54,28 @@ def sources(material: Material) -> list[str]:
 def source_table(material: Material, source: str) -> Table:
     """One source's values beside ours, every variant below one another."""
     rows: list[tuple[str, ...]] = []
+    unknown: dict[str, list[str]] = {}  # variants that say nothing, and of what
     for entry in _entries(material, source):
         name = metric_words(entry.metric)
         unit = unit_words(entry.unit)
         title = f"{entry.scenario}, {name}: published {as_given(entry.value)}"
         rows.append((f"{title} {unit}".strip(),))
-        rows += list(_ours(material, entry))
+        for row in _ours(material, entry):
+            if set(row[1:4]) == {unknown_of(entry.metric)}:
+                unknown.setdefault(f"{entry.scenario}, {name}", []).append(row[0])
+            else:
+                rows.append(row)
     head = ("ours: variant or definition", "P5", "P50", "P95", "published falls at")
-    return Table(cut(source), head, tuple(rows), 1, small=True)
+    return Table(cut(source), head, tuple(rows), 1, _unknown(unknown), small=True)
+
+
+def _unknown(unknown: dict[str, list[str]]) -> str:
+    """One sentence on what no quantile is known of, quantities of the same variants together."""
+    alike: dict[str, list[str]] = {}
+    for name, variants in unknown.items():
+        alike.setdefault(", ".join(variants), []).append(name)
+    parts = [f"{variants} ({'; '.join(names)})" for variants, names in alike.items()]
+    return f"Not reached, or not known of most sections: {'; '.join(parts)}." if parts else ""
 
 
 def _entries(material: Material, source: str) -> list[ReferenceTable]:
@@ -80,7 +102,7 @@ def _ours(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, ...]
         if row is None:
             yield (variant, "", "no result", "", "")
             continue
-        middle = row.at(0.5).with_error()
+        middle = row.at(0.5).with_error(unknown_of(row.metric))
         yield (variant, level(row, 0.05), middle, level(row, 0.95), percentile(row))
 
 

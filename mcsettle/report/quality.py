@@ -10,7 +10,7 @@ from mcsettle.report.figures.results import Swing, convergence_figure
 from mcsettle.report.figures.track_in_time import swings_figure
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
-from mcsettle.report.words import band, cut, level, metric_words, unit_words
+from mcsettle.report.words import band, cut, level, metric_words, unit_words, unknown_of
 from mcsettle.summary.results import INTERVAL
 
 if TYPE_CHECKING:
@@ -179,8 +179,9 @@ def _lines(material: Material) -> Iterator[Block]:
 
 def _ranged(estimate: Estimate) -> str:
     """A value and its 95 % interval."""
-    low, high = (number(end, empty="open") for end in (estimate.lower, estimate.upper))
-    return f"{number(estimate.value)} [{low}, {high}]"
+    places = estimate.places()
+    low, high = (number(end, places, "open") for end in (estimate.lower, estimate.upper))
+    return f"{number(estimate.value, places)} [{low}, {high}]"
 
 
 def convergence_blocks(material: Material) -> Iterator[Block]:
@@ -200,12 +201,8 @@ def convergence_blocks(material: Material) -> Iterator[Block]:
             if statistic.statistic not in SHOWN:
                 continue
             estimate, at = statistic.estimate, statistic.level
-            limits = tuple(number(v, empty="open") for v in (estimate.lower, estimate.upper))
-            share = estimate.relative_error
             name = statistic.statistic.replace("_", " ") if at is None else f"P{100 * at:.0f}"
-            error = number(estimate.standard_error, empty="unknown")
-            percent = number(None if share is None else 100.0 * share, 1, "")
-            rows.append((name, number(estimate.value), *limits, error, percent))
+            rows.append((name, *_with_limits(estimate, unknown_of(row.metric))))
     head = ("", "value", "lower", "upper", "s.e.", "s.e., %")
     note = (
         "Lower and upper: 95 % confidence limits of the number itself; open: not known. Restricted "
@@ -214,17 +211,33 @@ def convergence_blocks(material: Material) -> Iterator[Block]:
     yield Table("Monte Carlo error of every number", head, tuple(rows), 1, note, small=True)
 
 
+def _with_limits(estimate: Estimate, unknown: str) -> tuple[str, ...]:
+    """Value, limits, standard error and its share in per cent, all to the digits of the error."""
+    places, share = estimate.places(), estimate.relative_error
+    limits = (number(v, places, "open") for v in (estimate.lower, estimate.upper))
+    error = estimate.standard_error
+    if error is not None and places is None:  # rounding noise
+        error, share = 0.0, 0.0
+    return (
+        number(estimate.value, places, unknown),
+        *limits,
+        number(error, places, "unknown"),
+        number(None if share is None else 100.0 * share, 1, ""),
+    )
+
+
 def censoring_blocks(material: Material) -> Iterator[Block]:
     """What became of every realisation."""
     table = material.results.realisations
-    rows = []
+    alike: dict[tuple[str, ...], list[str]] = {}
     for variant in material.study.variant_names:
         for scenario in material.study.scenario_names:
             own = material.results.part("realisations", variant, scenario)
             counts = own["status"].value_counts()
             cells = (str(int(counts.get(s, 0))) for s in ("reached", "censored", "failed"))
-            rows.append((variant, scenario, str(len(own)), *cells))
-    head = ("variant", "scenario", "realisations", "reached", "censored", "failed")
+            alike.setdefault((variant, str(len(own)), *cells), []).append(scenario)
+    rows = [(key[0], ", ".join(names), *key[1:]) for key, names in alike.items()]
+    head = ("variant", "scenarios", "of each", "reached", "censored", "failed")
     horizon = material.study.limit.horizon_years
     note = (
         f"Censored: the horizon of {horizon:g} years came before the limit. A censored realisation stays "

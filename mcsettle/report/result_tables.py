@@ -23,6 +23,7 @@ from mcsettle.report.words import (
     metric_words,
     percentile,
     unit_words,
+    unknown_of,
 )
 
 PER_TONNE = "per 1000 tonne-km"
@@ -41,8 +42,8 @@ def result_blocks(material: Material) -> Iterator[Block]:
         "are formed realisation by realisation against the baseline and then summarised: the "
         "median reduction "
         "is not the reduction of the medians. Not reached: the quantile lies beyond the horizon, or "
-        "too many realisations are censored to know it. SD growth in a year is not reached where the "
-        "limit comes first.",
+        "too many realisations are censored to know it. Tamped before: the limit came before the day "
+        "to which the growth of the SD is counted.",
         "note",
     )
 
@@ -64,7 +65,7 @@ def quantile_table(material: Material, variant: str) -> Table:
             (
                 name + (f", {unit_words(row.unit)}" if unit_words(row.unit) else ""),
                 level(row, 0.05),
-                middle.with_error(),
+                middle.with_error(unknown_of(row.metric)),
                 level(row, 0.95),
                 str(middle.n),
                 str(middle.n_censored),

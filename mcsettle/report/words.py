@@ -22,15 +22,30 @@ MARKS = {INTERVAL: "days", "1": "", "d": "days"}
 
 
 def cut(text: str, length: int = 160) -> str:
-    """``text`` on one line of at most ``length`` characters."""
+    """``text`` on one line of at most ``length`` characters, cut between words: never within a number.
+
+    >>> cut("passenger, 748 t, 200 km/h", 22)
+    'passenger, 748 t …'
+    """
     words = " ".join(plain(text).split())
-    return words if len(words) <= length else words[: length - 2].rstrip() + " …"
+    if len(words) <= length:
+        return words
+    whole = words[: length - 1].rpartition(" ")[0].rstrip(",;: ")
+    return f"{whole or words[: length - 2]} …"
+
+
+def unknown_of(metric: str) -> str:
+    """What is said of a quantile of ``metric`` that is not known.
+
+    The growth of the SD to a day is not known of what was tamped before.
+    """
+    return "tamped before" if metric.startswith("sd_growth_") else NOT_REACHED
 
 
 def level(row: SummaryRow, at: float, factor: float = 1.0) -> str:
     """One quantile of ``row``, times ``factor``, with the decimals of the median and its error."""
-    value = row.at(at).value
-    return number(None if value is None else value * factor, row.at(0.5).places(factor))
+    value, places = row.at(at).value, row.at(0.5).places(factor)
+    return number(None if value is None else value * factor, places, unknown_of(row.metric))
 
 
 def mostly_known(row: SummaryRow) -> bool:
@@ -43,7 +58,8 @@ def band(row: SummaryRow, factor: float = 1.0) -> str:
     """P5 to P95 of ``row``."""
     low, high = level(row, 0.05, factor), level(row, 0.95, factor)
     if low == high:
-        return "the same in every realisation" if low != NOT_REACHED else NOT_REACHED
+        unknown = unknown_of(row.metric)
+        return "the same in every realisation" if low != unknown else unknown
     return f"{low} to {high}"
 
 

@@ -57,6 +57,19 @@ def number_paths(data: Any, path: str = "") -> Iterator[str]:
         yield path
 
 
+def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Key path and value of every input of ``data``; a list of plain values is one."""
+    if isinstance(data, Mapping):
+        for key, value in data.items():
+            if key != "name" or not path:
+                yield from leaves(value, f"{path}.{key}" if path else str(key))
+    elif isinstance(data, list | tuple) and data and isinstance(data[0], Mapping):
+        for place, value in enumerate(data):
+            yield from leaves(value, f"{path}.{value.get('name', place + 1)}")
+    else:
+        yield path, data
+
+
 def is_number(value: Any) -> bool:
     """Whether ``value`` is a number and no truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -2,6 +2,7 @@
 
 Everything is written into the study before it is checked, so that a resolved study stands alone:
 ``include`` disappears, a ``library`` key is replaced by what it names, laid under the table's own keys.
+Which inputs its author wrote, in the study or a file that it includes, is kept beside them (``stated``).
 """
 
 from collections.abc import Mapping
@@ -12,15 +13,35 @@ from mcsettle.errors import InputError
 from mcsettle.study.build_trains import shipped_library
 from mcsettle.study.faults import Fault, dotted, refusal, suggestion
 from mcsettle.study.input_files import input_file
+from mcsettle.study.key_paths import leaves
 from mcsettle.study.read import toml_data
 
 KINDS = ("vehicles", "trains", "tracks")
 MOST_FILES = 20
 Shelf = dict[str, dict[str, Any]]
+# Tables that the program adds nothing to: all that is in them is the author's.
+COMPLETE = {
+    *("schema_version", "title", "start_date", "reference", "calibration", "sources", "uncertain"),
+    *("correlations", "observed", "files_outside", "include", "scenarios", "stated"),
+}
 
 
-def expanded(data: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
+def stated_inputs(data: Mapping[str, Any], origin: str, folder: Path | None) -> tuple[str, ...]:
+    """Key paths of the inputs in a sound study and its included files, not in what is shipped."""
+    without = expanded(data, origin, folder, {name: {} for name in shipped_library()["trains"]})
+    own = {key: value for key, value in without.items() if key not in COMPLETE}
+    return tuple(path for path, _ in leaves(own))
+
+
+def expanded(
+    data: Mapping[str, Any],
+    origin: str,
+    folder: Path | None,
+    shipped: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
     """Study data with included files and library names written out.
+
+    ``shipped``: trains that come with the program (None: those that do).
 
     Raises
     ------
@@ -35,7 +56,8 @@ def expanded(data: Mapping[str, Any], origin: str, folder: Path | None) -> dict[
     own = data.get("vehicles", {})
     if shelf["vehicles"] and isinstance(own, Mapping):
         result["vehicles"] = shelf["vehicles"] | dict(own)
-    trains = {**shipped_library()["trains"], **shelf["trains"]}
+    present = shipped_library()["trains"] if shipped is None else shipped
+    trains = {**present, **shelf["trains"]}
     if isinstance(data.get("trains"), Mapping):
         result["trains"] = {
             name: _named(table, trains, f"trains.{name}.library", faults)

@@ -37,7 +37,7 @@ from mcsettle.study.input_files import (
     read_record,
     record_remarks,
 )
-from mcsettle.study.library import expanded
+from mcsettle.study.library import expanded, stated_inputs
 from mcsettle.study.objects import StudyObjects
 from mcsettle.study.read import parsed_toml, toml_data, with_tuples
 from mcsettle.study.sample_cap import capped
@@ -130,8 +130,13 @@ class Study(StudyObjects):
             "stepping": stepping,
             "parameter_sets": parameter_sets,
         }
-        data["run"] |= {key: value for key, value in changes.items() if value is not None}
+        asked = {key: value for key, value in changes.items() if value is not None}
+        others = {f"run.{key}" for key, value in asked.items() if data["run"].get(key) != value}
+        if seed not in (None, self.seed):
+            others |= {"seed"}
+        data["run"] |= asked
         data["seed"] = self.seed if seed is None else seed
+        data["stated"] = tuple(path for path in self.stated if path not in others)
         return type(self)._checked(data, "the run asked for", self._folder)
 
     def with_ground(self, layers: list[dict[str, Any]], origin: str) -> Self:
@@ -178,7 +183,10 @@ class Study(StudyObjects):
             One line a fault: key path, value received, what is accepted.
         """
         present = with_present_keys(data, origin)
-        return cls._checked(with_tuples(expanded(present, origin, folder)), origin, folder)
+        study = cls._checked(with_tuples(expanded(present, origin, folder)), origin, folder)
+        if "stated" in data:
+            return study
+        return study.model_copy(update={"stated": stated_inputs(present, origin, folder)})
 
     @classmethod
     def _checked(cls, data: Mapping[str, Any], origin: str, folder: Path | None) -> Self:
@@ -297,14 +305,16 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 
 
 def study_from_text(text: bytes, origin: str, folder: Path | None = None) -> Study:
-    """The study in the bytes of a TOML file of ``folder``; ``origin`` names it in messages.
+    """The study in the bytes that a run keeps in its ``folder``; ``origin`` names it in messages.
+
+    Earlier versions kept no record of the inputs that the author wrote: those are unknown then.
 
     Raises
     ------
     InputError
         It is no TOML, or has faults.
     """
-    return Study.from_mapping(parsed_toml(text, origin), origin, folder)
+    return Study.from_mapping({"stated": (), **parsed_toml(text, origin)}, origin, folder)
 
 
 def resolved_toml(study: Study, files: Mapping[str, str] | None = None) -> str:

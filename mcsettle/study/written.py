@@ -17,6 +17,7 @@ _NO_EFFECT_ON_RESULTS = {
     "line",
     "files_outside",
     "sources",
+    "stated",
 }
 # Tables and lists that are left out where they are empty.
 _OPTIONAL = (

@@ -21,7 +21,7 @@ from mcsettle.study.written import study_data
 from mcsettle.summary.results import CENSORED, INTERVAL, Results
 
 KEYS = ["parameter_set", "realisation"]
-SILENT = ("title", "reference", "calibration", "sources")
+SILENT = ("title", "reference", "calibration", "sources", "stated")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
-from mcsettle.cli.one_screen import COLUMNS, LINES, _columns
+from mcsettle.cli.one_screen import COLUMNS, LINES, Size, _columns
 
 DAYS = np.linspace(500.0, 900.0, 41)
 
@@ -45,19 +45,34 @@ def test_where_room_is_short_the_range_over_forms_stays() -> None:
     rows = [("", "", "line mean (95 %)", "over forms", "supported"),
             ("heavier", "heavy, 880 t, 200 km/h", "0.1969 (0.1892 to 0.2050)", "0.1969 to 1.7012",
              "only as a range")]  # fmt: skip
-    lines = list(_columns(rows, COLUMNS, 1))
+    lines = list(_columns(rows, Size(COLUMNS, 1, folded=False), 1))
     assert "0.1969 to 1.7012" in lines[1]
     assert "heavy, 880" not in lines[1]
     assert max(map(len, lines)) <= COLUMNS
-    assert "heavy, 880 t, 200 km/h" in list(_columns(rows, 100, 1))[1]
+    assert "heavy, 880 t, 200 km/h" in list(_columns(rows, Size(100, 1, folded=False), 1))[1]
 
 
 def test_a_saving_has_its_sign_and_one_form_is_no_yes(tmp_path: Path) -> None:
     made = made_run.tonnage_study()
     text = said(made_run.write(tmp_path / "run", made, {"A": DAYS, "C": 1.05 * DAYS}))
-    assert re.search(r"C .* −\d.* only as a range$", text, re.MULTILINE)
+    assert re.search(r"C .* −\d.* as a range$", text, re.MULTILINE)
     assert "+5.0 %" in text
     assert "Run the set of forms" in text
+
+
+def test_labels_that_have_no_room_stand_above_their_numbers(tmp_path: Path) -> None:
+    """No number is cut in two, and the range over the forms is not dropped for a label."""
+    names = ["A", "a_very_long_name_of_a_scenario", "B"]
+    base = [{"train": "passenger", "speed_kmh": 200.0, "per_day": 72}]
+    more = [*base, {"train": "freight", "speed_kmh": 97.0, "per_day": 2}]
+    scenarios = [{"name": n, "timetable": base if n == "A" else more} for n in names]
+    variants = [{"name": "soft"}, {"name": "stiff", "stress": "total"}]
+    made = made_run.tonnage_study(scenarios=scenarios, variants=variants)
+    days = {"A": DAYS, names[1]: 0.95 * DAYS, "B": 1.01 * DAYS}
+    text = said(made_run.write(tmp_path / "run", made, days))
+    assert "over forms" in text
+    assert re.search(r"a_very_long_name_of_ …  2 × freight, 4000 t, 97 km/h\n +\d+\.\d", text)
+    assert max(map(len, text.rstrip("\n").split("\n"))) <= COLUMNS
 
 
 def test_many_scenarios_and_long_titles_stay_on_the_screen(tmp_path: Path) -> None:

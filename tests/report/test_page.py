@@ -18,8 +18,9 @@ from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
 from mcsettle.report.material import read_material
 from mcsettle.report.register import entries
 from mcsettle.report.render import html, markdown
-from mcsettle.study.study import resolved_toml
+from mcsettle.study.study import Study, load_study, resolved_toml, study_from_text
 from mcsettle.study.written import study_data
+from mcsettle.summary.results import study_of
 
 DAYS = np.linspace(500.0, 900.0, 41)
 SPEED = {"v201": DAYS, "v225": 0.8 * DAYS}
@@ -302,9 +303,71 @@ def test_register_holds_every_input_and_who_set_it() -> None:
     assert by["economics.discount_rate"] == "paper"
     assert by["profile.sd_mm"] == "paper"
     assert (by["profile.window_m"], found["profile.window_m"].source) == ("study", "measured")
+    assert by["seed"] == "study"  # equal to the default, and stated
     load = found["trains.passenger.axle_load_t"]
     assert (load.set_by, load.source, load.unit) == ("study", "weighed", "t")
     assert "normal: mean 17" in load.distribution
+
+
+def origins_of(made: Study) -> dict[str, str]:
+    return {entry.path: entry.set_by for entry in entries(made)}
+
+
+def test_what_the_author_wrote_is_the_study_s_in_its_results_too(tmp_path: Path) -> None:
+    """A value that equals the default, in a file where every default is written out."""
+    train = {"vehicle": "passenger", "cars": 11, "axle_load_t": 17.0}
+    made = made_run.study(trains={"passenger": train}, limit={"horizon_years": 50.0})
+    by = origins_of(made)
+    assert {by["trains.passenger.axle_load_t"], by["limit.horizon_years"]} == {"study"}
+    assert (by["trains.passenger.body_mass_kg"], by["profile.spectrum"]) == ("paper", "default")
+    assert by["economics.mgt_per_day"] == "study"  # it follows from the timetable
+    folder = made_run.write(tmp_path / "run", made, SPEED)
+    kept = study_of(folder)
+    assert kept == made
+    assert origins_of(kept) == by
+    again = load_study(folder / "study.toml")  # as another run of it reads it
+    assert (again.digest, origins_of(again)) == (made.digest, by)
+    more = again.with_run(realisations=7, seed=5)
+    changed = origins_of(more).items() - by.items()
+    assert changed == {("run.realisations", "run"), ("seed", "run")}
+    text = resolved_toml(made)  # as a version without the record kept it
+    cut = re.sub(r"stated = \[.*?\]\n", "", text, count=1, flags=re.DOTALL)
+    assert cut != text
+    by = origins_of(study_from_text(cut.encode(), "study.toml"))
+    assert (
+        by["trains.passenger.axle_load_t"]
+        == by["trains.passenger.body_mass_kg"]
+        == "study or paper"
+    )
+    assert by["profile.spectrum"] == "study or default"
+    assert by["settlement.settlement_factor"] == "study"
+
+
+def test_values_of_vehicles_are_not_the_paper_s_unless_they_are() -> None:
+    trains = {
+        "fast": {"vehicle": "velaro", "cars": 8, "axle_load_t": 15.5},
+        "mixed": {"library": "push_pull"},
+        "own": {"consist": [{"vehicle": "mine", "count": 2}, {"vehicle": "freight", "count": 1}]},
+        "passenger": {"vehicle": "passenger", "cars": 11},
+    }
+    made = made_run.study(
+        trains=trains, vehicles={"mine": {"like": "passenger", "axle_load_t": 16.0}}
+    )
+    found = {entry.path: entry for entry in entries(made)}
+    mass = {path: e.set_by for path, e in found.items() if path.endswith(".body_mass_kg")}
+    assert mass == {
+        "trains.fast.body_mass_kg": "library",
+        "trains.mixed.consist.1.body_mass_kg": "library",
+        "trains.mixed.consist.2.body_mass_kg": "library",
+        "trains.mixed.consist.3.body_mass_kg": "library",
+        "trains.own.consist.1.body_mass_kg": "study",
+        "trains.own.consist.2.body_mass_kg": "paper",
+        "trains.passenger.body_mass_kg": "paper",
+    }
+    assert "Velaro" in found["trains.fast.body_mass_kg"].source
+    assert found["trains.fast.axle_load_t"].set_by == "study"
+    assert found["trains.own.consist.1.body_mass_kg"].source == "vehicles.mine"
+    assert found["trains.mixed.consist.1.count"].set_by == "library"
 
 
 def test_changed_preset_is_the_study_s() -> None:

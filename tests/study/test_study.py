@@ -514,6 +514,8 @@ FULL = {
     name: tomllib.loads(resolved_toml(load_study(STUDIES / f"{name}.toml")))
     for name in ("toy", "traffic")
 }
+for _full in FULL.values():
+    del _full["stated"]
 PLACES = {name: paths(full) for name, full in FULL.items()}
 KNOWN_KEYS = sorted({s for places in PLACES.values() for p in places for s in map(str, p)})
 

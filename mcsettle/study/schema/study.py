@@ -60,6 +60,7 @@ class StudyTables(Table):
     uncertain: Annotated[tuple[UncertainTable, ...], Field(max_length=100)] = ()
     correlations: Annotated[tuple[CorrelationTable, ...], Field(max_length=1000)] = ()
     observed: Annotated[tuple[ObservedTable, ...], Field(max_length=1000)] = ()
+    stated: Annotated[tuple[KeyPath, ...], Field(max_length=20_000)] = ()  # written by the program
 
     @property
     def scenario_names(self) -> tuple[str, ...]:
