@@ -228,9 +228,10 @@ class KnownSearch(calibration.Search):
     def outcome(self, factor: float, days: np.ndarray | None = None) -> Any:
         """Days of all tracks at this factor."""
         spread = (OF_TRACK + 0.02 * np.log(factor)) * self.z
-        found = 3e4 / factor**1.5 * np.exp(spread)
+        tracks = 3e4 / factor**1.5 * np.exp(spread)
         return SimpleNamespace(
-            days=found, reached=found < self.case.horizon, failed=np.zeros(len(found), bool)
+            failed=np.zeros(len(tracks), bool),
+            intervals=lambda horizon: (tracks, np.where(tracks < horizon, np.nan, horizon)),
         )
 
 
