@@ -10,7 +10,7 @@ import csv
 import io
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -98,7 +98,8 @@ def read_grounds(
     for path, faults in ((layers, in_layers), (weights, in_weights)):
         if faults:
             raise refused(path, faults)
-    return tuple(sorted(grounds, key=_rank(grounds)))
+    ranks = _ranks(grounds)
+    return tuple(sorted(grounds, key=lambda ground: ranks[ground.name]))
 
 
 def slabs(fine: float, fine_depth: float, coarse: float, depth: float) -> tuple[float, ...]:
@@ -198,7 +199,7 @@ def _column(
 
 def _shares(path: Path, columns: Columns, faults: list[str]) -> dict[str, tuple[str, float]]:
     """Segment and share of each ground; the shares of a segment add up to 1."""
-    found: dict[str, tuple[str, float]] = {}
+    shares: dict[str, tuple[str, float]] = {}
     sums: dict[str, float] = defaultdict(float)
     needed = (columns.segment, columns.ground, columns.probability)
     before = len(faults)
@@ -206,44 +207,35 @@ def _shares(path: Path, columns: Columns, faults: list[str]) -> dict[str, tuple[
         name, segment = row[columns.ground], row[columns.segment]
         text = row[columns.probability]
         share = _number(line, columns.probability, text, columns.decimal, faults)
-        if name in found:
+        if name in shares:
             faults.append(f"line {line}: ground '{name}' comes a second time")
         if share <= 0.0:
             faults.append(f"line {line}: probability {share:g}; it must be positive")
-        found[name] = (segment, share)
+        shares[name] = (segment, share)
         sums[segment] += share
-    if not 0 < len(found) <= MOST_GROUNDS:
-        faults.append(f"has {len(found)} grounds; it takes 1 to {MOST_GROUNDS}")
+    if not 0 < len(shares) <= MOST_GROUNDS:
+        faults.append(f"has {len(shares)} grounds; it takes 1 to {MOST_GROUNDS}")
     if len(faults) > before:
-        return found
+        return shares
     whole = 1.0 if all(abs(total - 1.0) <= 1e-3 for total in sums.values()) else 100.0
     faults += [
         f"the probabilities of segment '{segment}' add up to {total:g}, not {whole:g}"
         for segment, total in sums.items()
         if abs(total - whole) > 1e-3 * whole
     ]
-    return {name: (s, share / sums[s]) for name, (s, share) in found.items()}
+    return {name: (s, share / sums[s]) for name, (s, share) in shares.items()}
 
 
-def _rank(grounds: Sequence[Ground]) -> "_Rank":
-    own: dict[str, list[Ground]] = defaultdict(list)
+def _ranks(grounds: Sequence[Ground]) -> dict[str, int]:
+    """Rank of each ground within its segment, the likeliest first."""
+    of_segment: dict[str, list[Ground]] = defaultdict(list)
     for ground in grounds:
-        own[ground.segment].append(ground)
-    place = {}
-    for members in own.values():
-        for rank, ground in enumerate(sorted(members, key=lambda g: -g.probability)):
-            place[ground.name] = rank
-    return _Rank(place)
-
-
-@dataclass(frozen=True)
-class _Rank:
-    """Key that sorts grounds by their rank within their segment; a segment keeps its place."""
-
-    place: Mapping[str, int]
-
-    def __call__(self, ground: Ground) -> int:
-        return self.place[ground.name]
+        of_segment[ground.segment].append(ground)
+    return {
+        ground.name: rank
+        for segment in of_segment.values()
+        for rank, ground in enumerate(sorted(segment, key=lambda g: -g.probability))
+    }
 
 
 def _rows(

@@ -10,8 +10,9 @@ elastic layer of the paper's vehicle comparison.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
@@ -272,6 +273,12 @@ def layer_lines(layers: tuple[Layer, ...]) -> str:
 
 
 Track = SectionTrack | BeamTrack
+OfTrack = TypeVar("OfTrack", bound=SectionTrack | BeamTrack)
+
+
+def without_laws(track: OfTrack) -> OfTrack:
+    """``track`` without its settlement laws: they belong to Step B, and Step A is the same without."""
+    return replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
 
 
 def depth_below_subgrade(layers: tuple[Layer, ...]) -> float:

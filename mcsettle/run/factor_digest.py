@@ -8,11 +8,11 @@ the factor (``factor_digest``), so that a factor from another ground does not pa
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 from mcsettle.railway.scene import Scene
-from mcsettle.railway.track import SectionTrack
+from mcsettle.railway.track import SectionTrack, without_laws
 from mcsettle.step_a.transfers import section_settings
 from mcsettle.study.build_forms import variability_table
 from mcsettle.study.schema.run import SettlementTable
@@ -27,7 +27,7 @@ def transfer_identity(scene: Scene, scenes: Sequence[Scene]) -> str:
     ``scenes`` of the study: their fastest train decides the range of Step A on linear ground.
     """
     track, services = scene.track, []
-    plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+    plain = without_laws(track)
     for service in scene.timetable.services:
         softened = scene.softened(service)
         soil = None if softened is None else asdict(softened.settings)

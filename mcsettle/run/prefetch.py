@@ -9,7 +9,6 @@ interrupted has lost the sets in flight and no more.
 from collections.abc import Mapping
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from contextlib import ExitStack, suppress
-from types import TracebackType
 
 from mcsettle.errors import InputError, NumericalError
 from mcsettle.railway.scene import Scene
@@ -21,7 +20,7 @@ from mcsettle.types import Progress, silent
 WORTHWHILE: type = SectionTrack  # a beam's Step A takes less than a process takes to start
 
 
-class Prefetch:
+class Prefetch(ExitStack):
     """A window of Step A's in flight; ``wait`` before a set is needed.
 
     Parameters
@@ -39,6 +38,7 @@ class Prefetch:
         processes: int,
         progress: Progress = silent,
     ) -> None:
+        super().__init__()
         self.shared_transfers, self.processes, self.progress = shared_transfers, processes, progress
         self.left: list[tuple[int, tuple[Scene, ...]]] = []
         seen = set(shared_transfers.transfers)
@@ -49,38 +49,29 @@ class Prefetch:
                 seen |= keys
         self.total, self.done = len(self.left), 0
         self.running: dict[int, Future[None]] = {}
-        self.stack = ExitStack()
         self.pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> "Prefetch":
         if self.processes > 1 and self.total > 1:
-            self.pool = self.stack.enter_context(process_pool(min(self.processes, self.total)))
+            self.pool = self.enter_context(process_pool(min(self.processes, self.total)))
             self._fill()
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.stack.__exit__(kind, error, trace)
 
     def wait(self, index: int) -> None:
         """Until what set ``index`` needs is in the cache folder.
 
         A set that failed there is left to the caller, who meets the same error.
         """
-        found = self.running.pop(index, None)
+        awaited = self.running.pop(index, None)
         for passed in [k for k in self.running if k < index]:  # their rows were there after all
             self.running.pop(passed).cancel()
         self.left = [(k, of_set) for k, of_set in self.left if k > index]
         if self.pool is not None:
             self._fill()
-        if found is None:
+        if awaited is None:
             return
         with suppress(InputError, NumericalError, CancelledError):
-            found.result()
+            awaited.result()
         self.done += 1
         self.progress("Step A: parameter sets", self.done, self.total)
 

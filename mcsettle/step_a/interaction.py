@@ -183,8 +183,9 @@ def _swept(
     omegas = np.concatenate([[0.0], kappa * speed])
     stage = f"Step A: {train.name} at {speed / KMH:.0f} km/h"
     for step, spectra in enumerate(response.spectra(speed, omegas)):
-        if whole:
-            spectra = _doubled(spectra)
+        if whole:  # twice the force
+            twice = {"receptance": 2.0 * spectra.receptance, "stress": 2.0 * spectra.stress}
+            spectra = replace(spectra, **twice)
         if spectra.wavenumbers is not waves:
             waves, phases = spectra.wavenumbers, _phases(spectra.wavenumbers, positions)
         if step == 0:
@@ -202,11 +203,6 @@ def _swept(
             compliance[mode] = track[0, 0]
         progress(stage, step + 1, omegas.size)
     return quasi_static, deflection, dynamic, force, compliance
-
-
-def _doubled(spectra: WavenumberSpectra) -> WavenumberSpectra:
-    """The response to twice the force."""
-    return replace(spectra, receptance=2.0 * spectra.receptance, stress=2.0 * spectra.stress)
 
 
 def _phases(wavenumbers: Array, positions: Array) -> ComplexArray:

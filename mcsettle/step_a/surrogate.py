@@ -80,7 +80,8 @@ class Inputs:
         values = numbers[self.columns]
         if np.any(values[self.logarithmic] <= 0.0) or not np.all(np.isfinite(values)):
             return None
-        return (_scaled(values, self.logarithmic) - self.mean) / self.deviation
+        logs = np.log(np.where(self.logarithmic, values, 1.0))
+        return (np.where(self.logarithmic, logs, values) - self.mean) / self.deviation
 
 
 def inputs_of(numbers: np.ndarray) -> Inputs:
@@ -244,8 +245,3 @@ def _leaves(data: Any, path: str) -> Iterator[tuple[str, Any]]:
         yield path, float(data)
     else:
         yield path, data
-
-
-def _scaled(values: np.ndarray, logarithmic: np.ndarray) -> np.ndarray:
-    """``values`` [..., D], their logarithms where ``logarithmic``."""
-    return np.where(logarithmic, np.log(np.where(logarithmic, values, 1.0)), values)

@@ -16,7 +16,7 @@ import numpy as np
 
 from mcsettle.railway.scene import Scene
 from mcsettle.railway.softening_choices import Softened
-from mcsettle.railway.track import SectionTrack, Track
+from mcsettle.railway.track import SectionTrack, Track, without_laws
 from mcsettle.railway.traffic import Service
 from mcsettle.step_a.critical_speed import speed_remark
 from mcsettle.step_a.interaction import transfer_digest
@@ -197,7 +197,7 @@ def passages_of(
     """
     many, linear = store.many_grounds, section_settings(scenes, None, store.many_grounds)
     for scene in scenes:
-        track = scene.track if laws else _without_laws(scene.track)
+        track = scene.track if laws else without_laws(scene.track)
         for service in scene.timetable.services:
             softened = scene.softened(service)
             settings = linear if softened is None else section_settings(scenes, softened, many)
@@ -271,7 +271,3 @@ def _is_cached(ground: Ground, modes: np.ndarray, contact: float) -> bool:
     path = transfer_file(transfer_digest(train, speed, modes, contact, digest))
     bring(path)
     return path.exists()
-
-
-def _without_laws(track: Track) -> Track:
-    return replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))

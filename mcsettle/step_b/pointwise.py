@@ -89,13 +89,15 @@ def pointwise_load(
     if worst > LARGEST_EXPONENT:
         raise ValueError(f"settlement exponent {worst}; at most {LARGEST_EXPONENT} here")
     modes = mode_numbers(transfer.wavenumbers, window)
-    axles, closes = [], []
+    axles, closes, n_groups = [], [], len(model.settling_layers)
+    # No linear and constant part beside the grid where the support varies.
+    beside = np.zeros((n_groups, len(modes)), dtype=complex), np.zeros(n_groups)
     for j in range(len(transfer.quasi_static)):
         if parts is None:
             own, rest = (axle := _axle(transfer, model, j, tolerance))[0], axle[1:]
             ends = [-1] * len(own)
         else:
-            own, ends, rest = [], [], _nothing(transfer, model)
+            own, ends, rest = [], [], beside
             for part, groups in enumerate(parts.groups):
                 more = _part(transfer, model, j, tolerance, groups)
                 own, ends = own + more, ends + [-1] * (len(more) - 1) + [part]
@@ -148,12 +150,6 @@ def points_in_order(n_points: int) -> np.ndarray:
         order = (order[:, None] + step * np.arange(radix)).ravel()
         step *= radix
     return order
-
-
-def _nothing(transfer: TransferFunctions, model: SettlementModel) -> tuple[np.ndarray, np.ndarray]:
-    """No linear and constant part beside the grid."""
-    n_groups = len(model.settling_layers)
-    return np.zeros((n_groups, len(transfer.wavenumbers)), dtype=complex), np.zeros(n_groups)
 
 
 def _part(

@@ -36,7 +36,8 @@ class Provenance:
     @property
     def digest(self) -> str:
         """SHA-256 [hex] of it."""
-        return hashlib.sha256(_json(asdict(self)).encode()).hexdigest()
+        text = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
 
 
 # What folders of earlier versions do not say, and what it was then.
@@ -144,7 +145,3 @@ def refuse_difference(
     ]
     if differences:
         raise InputError(f"{where} holds other results: {'; '.join(differences)}; {remedy}")
-
-
-def _json(data: Mapping[str, Any]) -> str:
-    return json.dumps(data, sort_keys=True, separators=(",", ":"))

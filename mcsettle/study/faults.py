@@ -84,7 +84,8 @@ def _fault(entry: Any, model: type[BaseModel]) -> Fault:
         return Fault(path, "is missing and has no default")
     received = f"received {shown(entry['input'])}; "
     if kind == "literal_error":
-        accepted = [part.strip("'\" ") for part in _options(context["expected"])]
+        options = context["expected"].replace(" or ", ", ").split(", ")
+        accepted = [part.strip("'\" ") for part in options]
         return Fault(path, received + suggestion(str(entry["input"]), accepted))
     if kind == "value_error":
         return Fault(path, f"received {shown(entry['input'])}, which {context['error']}")
@@ -93,10 +94,6 @@ def _fault(entry: Any, model: type[BaseModel]) -> Fault:
     if kind == "too_short":
         return Fault(path, "is empty; it needs at least one entry")
     return Fault(path, received + _accepted(entry["msg"]))
-
-
-def _options(expected: str) -> list[str]:
-    return expected.replace(" or ", ", ").split(", ")
 
 
 def _accepted(message: str) -> str:

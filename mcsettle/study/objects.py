@@ -21,7 +21,7 @@ from mcsettle.study.build import (
 from mcsettle.study.build_trains import build_train
 from mcsettle.study.effects import StudyEffect, effect_entries, study_effects
 from mcsettle.study.faults import suggestion
-from mcsettle.study.scenes import profile_wavenumbers, recorded_days
+from mcsettle.study.scenes import profile_wavenumbers
 from mcsettle.study.schema.run import SettlementTable
 from mcsettle.study.schema.study import StudyTables
 from mcsettle.study.schema.traffic import ScenarioTable
@@ -116,7 +116,8 @@ class StudyObjects(StudyTables):
     @property
     def sample_days(self) -> np.ndarray:
         """Days [H] on which the SD is recorded: those of the run, the start and the first year."""
-        return recorded_days(self)
+        days = {0.0, DAYS_PER_YEAR, *self.run.history_days}
+        return np.array(sorted(day for day in days if day <= self.limit.horizon_days))
 
     def mgt_per_day(self, scenario: str) -> float:
         """Gross tonnage of ``scenario`` a day [MGT]: its own figure or its trains' sum."""

@@ -11,7 +11,7 @@ from mcsettle.railway.scene import Scene
 from mcsettle.study.build import build_settlement
 from mcsettle.study.build_forms import build_rail_loads, build_support
 from mcsettle.study.schema.study import StudyTables
-from mcsettle.units import DAYS_PER_YEAR, MM
+from mcsettle.units import MM
 
 if TYPE_CHECKING:
     from mcsettle.study.study import Study
@@ -66,12 +66,6 @@ def profile_wavenumbers(study: StudyTables) -> np.ndarray:
     """Wavenumbers [K] rad/m of the profile's modes."""
     profile = study.profile
     return wavenumbers(profile.window_m, profile.shortest_m, profile.longest_m)
-
-
-def recorded_days(study: StudyTables) -> np.ndarray:
-    """Days [H] on which the SD is recorded: the study's, the start and the first year."""
-    days = {0.0, DAYS_PER_YEAR, *study.run.history_days}
-    return np.array(sorted(day for day in days if day <= study.limit.horizon_days))
 
 
 def step_b_key(study: "Study", variant: str, scenario: str) -> str:

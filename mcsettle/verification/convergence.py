@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from mcsettle.railway.track import CASE_STUDY_TRACK, SectionTrack
+from mcsettle.railway.track import CASE_STUDY_TRACK, SectionTrack, without_laws
 from mcsettle.step_a.fem25d import MeshSettings, Settings, section_response
 from mcsettle.step_a.fem25d.cache import FORMAT, digest_of, read_arrays, write_arrays
 from mcsettle.step_a.fem25d.depth_grid import depth_grid
@@ -140,7 +140,7 @@ def study_convergence(
 
 def _stored_answers(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
     """``answers``, read from the cache folder or computed and stored there."""
-    plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+    plain = without_laws(track)
     key = digest_of({"format": FORMAT, "track": asdict(plain), "numerics": asdict(numerics),
                      "answers": [SPEED, *OMEGAS]})  # fmt: skip
     path = cache_folder() / f"convergence-{key[:32]}.npz"

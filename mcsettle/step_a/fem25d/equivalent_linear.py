@@ -1,12 +1,12 @@
 """Equivalent-linear Step A: the response of the ground softened by one train at one speed."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from mcsettle.railway.softening_choices import SofteningSettings
-from mcsettle.railway.track import SectionTrack
+from mcsettle.railway.track import SectionTrack, without_laws
 from mcsettle.railway.traffic import Train
 from mcsettle.step_a.fem25d.cache import FORMAT, digest_of, read_arrays, write_arrays
 from mcsettle.step_a.fem25d.moving_load import SectionResponse
@@ -118,7 +118,7 @@ def softening_file(
 
     Its name depends on all that a softening depends on: not settlement laws, not vehicle dynamics.
     """
-    plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+    plain = without_laws(track)
     choices = asdict(softening)
     choices["curves"] = [asdict(curve) for curve in softening.layer_curves(track)]
     key = digest_of(

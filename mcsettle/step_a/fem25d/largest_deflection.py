@@ -46,17 +46,17 @@ def critical_speed(response: SectionResponse) -> CriticalSpeed:
     if response not in _computed:
         key = digest_of({"critical": response.digest, "scan": [SPEEDS, LOWEST, HIGHEST]})
         path = cache_folder() / f"critical-{key[:32]}.npz"
-        critical = read_arrays(path, "critical speed", _of_arrays)
+        critical = read_arrays(
+            path,
+            "critical speed",
+            lambda a: CriticalSpeed(float(a["speed"]), a["speeds"], a["deflection"]),
+        )
         if critical is None:
             critical = _critical_speed(response)
             arrays = {"speed": np.array(critical.speed), "speeds": critical.speeds}
             write_arrays(path, arrays | {"deflection": critical.deflection})
         _computed[response] = critical
     return _computed[response]
-
-
-def _of_arrays(arrays: dict[str, np.ndarray]) -> CriticalSpeed:
-    return CriticalSpeed(float(arrays["speed"]), arrays["speeds"], arrays["deflection"])
 
 
 def _critical_speed(response: SectionResponse) -> CriticalSpeed:

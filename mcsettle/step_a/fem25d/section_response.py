@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mcsettle.railway.track import SectionTrack, rayleigh_speed
+from mcsettle.railway.track import SectionTrack, rayleigh_speed, without_laws
 from mcsettle.step_a.fem25d.cache import FORMAT, digest_of, read_bases, write_bases
 from mcsettle.step_a.fem25d.moving_load import SectionResponse
 from mcsettle.step_a.fem25d.reduced_basis import Band, Bases, grow_band, output_error, training_set
@@ -97,10 +97,9 @@ class _Model:
     @property
     def description(self) -> dict[str, Any]:
         """Everything a response depends on (the settlement laws are not part of it)."""
-        layers = tuple(replace(layer, law=None) for layer in self.track.layers)
         description = {
             "format": FORMAT,
-            "track": asdict(replace(self.track, layers=layers)),
+            "track": asdict(without_laws(self.track)),
             "integration_depth": self.integration_depth,
             "settings": self.settings.description,
         }

@@ -12,7 +12,7 @@ the next modulus and damping. The damping never falls below that of the layer. P
 
 import functools
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,7 +21,7 @@ import scipy.sparse.linalg as spla
 from mcsettle.errors import NumericalError
 from mcsettle.railway.modulus_curves import Curve, reduction
 from mcsettle.railway.softening_choices import OCTAHEDRAL, SofteningSettings
-from mcsettle.railway.track import SectionTrack
+from mcsettle.railway.track import SectionTrack, without_laws
 from mcsettle.railway.traffic import Train
 from mcsettle.step_a.fem25d.element_scaling import Frame, track_frame
 from mcsettle.step_a.fem25d.moving_load import rail_coupling
@@ -126,7 +126,7 @@ def soften(
         raise ValueError(f"speed is {speed} m/s; it must be positive and finite")
     curves = settings.layer_curves(track)
     if frame is None:
-        plain = replace(track, layers=tuple(replace(layer, law=None) for layer in track.layers))
+        plain = without_laws(track)
         frame = _frame(plain, integration_depth, mesh or MeshSettings())
     elements = frame.elements
     layer_damping = np.array([layer.material.damping for layer in track.layers])[elements.layer]

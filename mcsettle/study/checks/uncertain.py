@@ -82,6 +82,7 @@ def _fitted(
 ) -> Iterator[Fault]:
     """Faults of inputs that every parameter set is to fit to the observations."""
     joined = {name for table in correlations for name in table.inputs}
+    n_following = sum(FACTOR not in variant for variant in data.get("variants", ()))
     for place, entry in enumerate(entries):
         if not entry.fitted:
             continue
@@ -92,16 +93,12 @@ def _fitted(
             yield Fault(path, "a fitted factor needs a continuous distribution and no correlations")
         elif not observed:
             yield Fault(path, "there is nothing to fit it to: give [[observed]] entries")
-        elif entry.input == f"settlement.{FACTOR}" and _n_following(data) > 1:
+        elif entry.input == f"settlement.{FACTOR}" and n_following > 1:
             yield Fault(
                 path,
                 "several variants follow settlement.settlement_factor; give each its own and fit "
                 "variants.<name>.settlement_factor",
             )
-
-
-def _n_following(data: Mapping[str, Any]) -> int:
-    return sum(FACTOR not in variant for variant in data.get("variants", ()))
 
 
 def _near(name: str, can: Sequence[str]) -> str:
