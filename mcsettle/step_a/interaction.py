@@ -27,6 +27,8 @@ from mcsettle.units import KMH
 
 __all__ = [
     "HERTZ_STIFFNESS",
+    "axle_phases",
+    "compliance_between",
     "dynamic_forces",
     "load",
     "precompute",
@@ -73,7 +75,19 @@ def track_compliance_matrix(spectra: WavenumberSpectra, positions: Array) -> Com
     -------
     Shape [J, J] [m/N]: rail displacement (down) at axle j for a unit force at axle l.
     """
-    return _track_compliance(spectra, _phases(spectra.wavenumbers, positions))
+    return compliance_between(spectra, axle_phases(spectra.wavenumbers, positions))
+
+
+def axle_phases(wavenumbers: Array, positions: Array) -> ComplexArray:
+    """e^{-ik a_j}, shape [J, Q]: the same at every driving frequency."""
+    phases: ComplexArray = np.exp(-1j * np.outer(positions, wavenumbers))
+    return phases
+
+
+def compliance_between(spectra: WavenumberSpectra, phases: ComplexArray) -> ComplexArray:
+    """T_c [J, J] m/N of ``track_compliance_matrix`` from ``axle_phases`` [J, Q]."""
+    scaled = phases * (spectra.weights * spectra.receptance / (2.0 * np.pi))
+    return np.asarray(scaled @ phases.conj().T, dtype=complex)
 
 
 def dynamic_forces(
@@ -187,14 +201,14 @@ def _swept(
             twice = {"receptance": 2.0 * spectra.receptance, "stress": 2.0 * spectra.stress}
             spectra = replace(spectra, **twice)
         if spectra.wavenumbers is not waves:
-            waves, phases = spectra.wavenumbers, _phases(spectra.wavenumbers, positions)
+            waves, phases = spectra.wavenumbers, axle_phases(spectra.wavenumbers, positions)
         if step == 0:
             stress, rail = _under_axles(spectra, phases, train.axle_forces.astype(complex))
             quasi_static[:], deflection[:] = stress.real, rail.real
         else:
             mode = step - 1
             excitation = np.exp(1j * kappa[mode] * positions)
-            track = _track_compliance(spectra, phases)
+            track = compliance_between(spectra, phases)
             vehicle = train_compliance(train, float(omegas[step]))
             forces = dynamic_forces(vehicle, track, excitation, hertz_stiffness)
             stress, _ = _under_axles(spectra, phases, forces)
@@ -203,18 +217,6 @@ def _swept(
             compliance[mode] = track[0, 0]
         progress(stage, step + 1, omegas.size)
     return quasi_static, deflection, dynamic, force, compliance
-
-
-def _phases(wavenumbers: Array, positions: Array) -> ComplexArray:
-    """e^{-ik a_j}, shape [J, Q]."""
-    phases: ComplexArray = np.exp(-1j * np.outer(positions, wavenumbers))
-    return phases
-
-
-def _track_compliance(spectra: WavenumberSpectra, phases: ComplexArray) -> ComplexArray:
-    """T_c [J, J] from phases e^{-ik a_j} [J, Q]."""
-    scaled = phases * (spectra.weights * spectra.receptance / (2.0 * np.pi))
-    return np.asarray(scaled @ phases.conj().T, dtype=complex)
 
 
 def _under_axles(

@@ -14,8 +14,9 @@ from mcsettle.report.figures.style import GREY, look, note, styled
 from mcsettle.step_a.beam import CUTOFF, PERIOD, beam_spectrum
 from mcsettle.step_a.interaction import (
     HERTZ_STIFFNESS,
+    axle_phases,
+    compliance_between,
     dynamic_forces,
-    track_compliance_matrix,
     train_compliance,
 )
 from mcsettle.step_a.transfer import WavenumberSpectra
@@ -81,18 +82,20 @@ def vehicle_peaks(
     }
     positions = next(iter(trains.values())).axle_positions
     k, s, keep = _places(float(positions[-1]))
+    phases = axle_phases(k, positions)
+    backwards = phases.conj()
     fields = {model: np.empty((wavenumbers.size, s.size), dtype=complex) for model in models}
     for mode, kappa in enumerate(wavenumbers.tolist()):
         omega = kappa * speed
         receptance, reaction = beam_spectrum(track, k, speed, omega)
         weights = np.full(k.size, k[1] - k[0])
         spectra = WavenumberSpectra(k, weights, receptance, reaction[:, None, None])
-        compliance = track_compliance_matrix(spectra, positions)
+        compliance = compliance_between(spectra, phases)
         ahead = np.exp(1j * kappa * positions)
         for model, train in trains.items():
             own = train_compliance(train, omega)
             forces = dynamic_forces(own, compliance, ahead, contact)
-            field = _field(spectra, positions, forces)[keep]
+            field = _field(spectra, forces @ backwards)[keep]
             fields[model][mode] = field * np.exp(-1j * kappa * s)
     x = np.linspace(0.0, window, 401)
     waves = amplitudes[:, None] * np.exp(1j * np.outer(wavenumbers, x))
@@ -111,10 +114,8 @@ def _places(rear: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return k, s[keep], keep
 
 
-def _field(spectra: WavenumberSpectra, positions: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """D(s) [m per m of amplitude] at s = 0, PERIOD/Q, …, by one Fourier transform."""
-    k = spectra.wavenumbers
-    load = forces @ np.exp(1j * np.outer(positions, k))
+def _field(spectra: WavenumberSpectra, load: np.ndarray) -> np.ndarray:
+    """D(s) [m per m of amplitude] of a load's spectrum [Q] at s = 0, PERIOD/Q, …."""
     scaled = spectra.receptance * load * spectra.weights / (2.0 * math.pi)
     return np.asarray(np.fft.fft(np.fft.ifftshift(scaled)))
 
