@@ -6,6 +6,8 @@ CAMPAIGN ?= build/campaign
 BIN := $(VENV)/bin
 # One BLAS thread a process: the work is parallel elsewhere, and results must not depend on it.
 export OPENBLAS_NUM_THREADS ?= 1
+# Where it is set, every command that a test starts would compile the sources anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help env study test test-slow test-browser mutants campaign check lint types format paper bench docs clean
 
