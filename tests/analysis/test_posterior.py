@@ -38,9 +38,24 @@ def observed(study, factor, realisation, rng=None) -> tuple[Observation, ...]:
     return tuple(Observation(float(d), float(s), ERROR) for d, s in zip(DAYS, sd, strict=True))
 
 
-def test_the_posterior_is_that_of_every_factor_and_track_computed(study):
-    rows = observed(study, TRUTH, 1000)
-    found = infer_factor(study, "v201", rows)
+@pytest.fixture(scope="module")
+def rows(fresh_cache, study):
+    return observed(study, TRUTH, 1000)
+
+
+@pytest.fixture(scope="module")
+def told():
+    """What the fit below has said of its progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def fit(study, rows, told):
+    return infer_factor(study, "v201", rows, progress=lambda *one: told.append(one))
+
+
+def test_the_posterior_is_that_of_every_factor_and_track_computed(study, rows, fit):
+    found = fit
     logs = np.linspace(np.log(20.0), np.log(600.0), 160)
     model = sd_model(study.scene("base", "v201"), rows, silent, 1)
     (of_tracks,) = model.likelihood(logs, logs, 64).sections
@@ -70,22 +85,19 @@ def test_it_covers_at_its_rate(study):
     assert 22 <= hits <= 30
 
 
-def test_smaller_errors_and_more_days_narrow_it(study):
-    rows = observed(study, TRUTH, 1000)
-    wide = infer_factor(study, "v201", rows)
+def test_smaller_errors_and_more_days_narrow_it(study, rows, fit):
     narrow = infer_factor(study, "v201", tuple(replace(o, error=0.01) for o in rows))
-    assert narrow.log_sd < wide.log_sd
+    assert narrow.log_sd < fit.log_sd
     # That sections differ stays, however exactly one of them is measured.
     exact = infer_factor(study, "v201", tuple(replace(o, error=0.005) for o in rows))
     assert exact.log_sd > 0.2 * narrow.log_sd
 
 
-def test_the_studys_own_factor_does_not_matter(study):
-    rows = observed(study, TRUTH, 1000)
+def test_the_studys_own_factor_does_not_matter(rows, fit):
     other = toy.study(
         profile={"shortest_m": 3.0}, run={"realisations": 64}, settlement={"settlement_factor": 7.0}
     )
-    assert infer_factor(other, "v201", rows) == infer_factor(study, "v201", rows)
+    assert infer_factor(other, "v201", rows) == fit
 
 
 def test_what_no_factor_gives_is_refused_with_the_reach(study):
@@ -115,11 +127,8 @@ def test_days_beyond_the_horizon_are_refused_all_at_once(study):
             ask()
 
 
-def test_a_posterior_tells_its_progress_on_one_stage(study):
-    told = []
-    infer_factor(
-        study, "v201", observed(study, TRUTH, 1000), progress=lambda *one: told.append(one)
-    )
+@pytest.mark.usefixtures("fit")
+def test_a_posterior_tells_its_progress_on_one_stage(told):
     last = [stage for stage, done, total in told if done == total and "fit" in stage]
     assert len(last) == 1
 

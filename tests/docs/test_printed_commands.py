@@ -36,7 +36,9 @@ SLOW = {
     "docs/guide/calibrating.md",
     "docs/guide/line.md",
     "docs/guide/report.md",
+    "docs/guide/running.md",
     "docs/guide/start.md",
+    "docs/guide/tables.md",
     "studies/README.md",
 }
 PAGES = sorted(

@@ -18,7 +18,7 @@ from mcsettle.report.figures.results import Fan, fan_figure
 from mcsettle.report.figures.section import section_figure, section_view, softening_figure
 from mcsettle.report.figures.slice import DeflectionSlice, slice_figure
 from mcsettle.report.figures.stress import along_figure, depth_figure, table4_figure
-from mcsettle.report.figures.style import log_labels, save
+from mcsettle.report.figures.style import FORMATS, log_labels, save
 from mcsettle.report.figures.vehicles import VehiclePeaks, vehicles_figure
 
 X = np.linspace(0.0, 200.0, 41)
@@ -114,13 +114,15 @@ def test_every_axis_has_a_unit_and_no_label_is_cut(draw) -> None:
 
 @pytest.mark.parametrize("draw", DRAWN, ids=lambda draw: draw.__name__)
 def test_same_numbers_same_bytes(draw, tmp_path: Path) -> None:
-    first = [path.read_bytes() for path in save(draw(), tmp_path / "a", "picture")]
+    """As SVG, which has all that is drawn and ids besides; one of them as PNG too."""
+    formats = FORMATS if draw is depth else ("svg",)
+    first = [path.read_bytes() for path in save(draw(), tmp_path / "a", "picture", formats)]
     with matplotlib.rc_context({"font.size": 17, "svg.hashsalt": "other", "axes.grid": False}):
-        second = [path.read_bytes() for path in save(draw(), tmp_path / "b", "picture")]
+        second = [path.read_bytes() for path in save(draw(), tmp_path / "b", "picture", formats)]
     assert first == second
-    assert first[0].startswith(b"\x89PNG")
-    assert ElementTree.fromstring(first[1]).tag.endswith("svg")
-    assert b"dc:date" not in first[1]
+    assert first[0].startswith(b"\x89PNG") or draw is not depth
+    assert ElementTree.fromstring(first[-1]).tag.endswith("svg")
+    assert b"dc:date" not in first[-1]
     assert matplotlib.rcParams["svg.hashsalt"] != "mcsettle"
 
 

@@ -74,7 +74,8 @@ def campaign(study, whole, tmp_path, fresh_cache, kills, *seed):
 
 
 def test_a_few_kills(study, whole, tmp_path, fresh_cache):
-    campaign(study, whole, tmp_path, fresh_cache, 3, "1")
+    """Of children that are told what the engine answers: the files are what a kill may spoil."""
+    campaign(study, whole, tmp_path, fresh_cache, 3, "1", "1000")
 
 
 @pytest.mark.slow

@@ -62,8 +62,15 @@ def test_one_axle_class_counts_alike_whatever_the_exponent(history, stress):
     np.testing.assert_allclose(days(case), days(plain), rtol=1e-9)
 
 
-@pytest.mark.parametrize("history", ["reference", "mix"])
-@pytest.mark.parametrize("exponent", [3.0, 5.0])
+@pytest.mark.parametrize(
+    ("exponent", "history"),
+    [
+        (3.0, "reference"),
+        (5.0, "mix"),
+        pytest.param(3.0, "mix", marks=pytest.mark.slow),  # each of the four once above
+        pytest.param(5.0, "reference", marks=pytest.mark.slow),
+    ],
+)
 def test_every_axle_and_every_train_against_day_averages(exponent, history):
     case = counted(exponent, history)
     jump = days(case)

@@ -33,8 +33,8 @@ FRA = spectrum()
 EXPONENTIAL = SpatialVariability(cov=0.3, correlation_length=5.0, multipliers=(1.0, 1.0, 1.0))
 
 
-def fields(n, settings=EXPONENTIAL, count=1, seed=1):
-    waves = field_waves(settings, MODES, toy.WINDOW, FRA)
+def fields(n, settings=EXPONENTIAL, count=1, seed=1, modes=MODES):
+    waves = field_waves(settings, modes, toy.WINDOW, FRA)
     drawn = [susceptibility(settings, waves, seed + f, range(n), [0, 1, 2]) for f in range(count)]
     return np.concatenate(drawn, axis=1)
 
@@ -139,8 +139,16 @@ def varying_case(layers="one field", still=False, **changes):
     return replace(case, transfers=transfers, multipliers=LAYERS[layers])
 
 
-@pytest.mark.parametrize("right_hand_side", ["spectral", "pointwise"])
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize(
+    ("right_hand_side", "precision"),
+    [
+        ("spectral", "f64"),
+        ("spectral", "f32"),
+        ("pointwise", "f64"),
+        # Compiles for seconds; without fields test_stepwise has it, with fields the line above.
+        pytest.param("pointwise", "f32", marks=pytest.mark.slow),
+    ],
+)
 def test_every_axle_against_the_definition(right_hand_side, precision):
     """Six axle passages."""
     case = varying_case("independent", services=(("car", 2),), horizon=0.75, sd_limit=0.1)
@@ -165,9 +173,16 @@ def test_every_axle_against_the_definition(right_hand_side, precision):
         assert outcome.mean_settlement[r] == pytest.approx(settled, rel=max(tolerance, 1e-9))
 
 
+def long_waves(layers, n):
+    """Case, profiles and support of ``n`` tracks without the waves below 8 m: quick train by train."""
+    h = fields(n, modes=np.arange(6, 26))
+    support = Support(h, np.linspace(0.8, 1.3, n))
+    case = varying_case(layers, shortest=8.0, settlement_factor=2.0 * toy.FACTOR)
+    return case, toy.profiles(range(n), shortest=8.0), support
+
+
 def test_steppings_agree():
-    case, n = varying_case("multipliers"), 5
-    u, support = toy.profiles(range(n)), Support(fields(n), np.linspace(0.8, 1.3, n))
+    case, u, support = long_waves("multipliers", 5)
     jump, train = (
         engine_for(case, stepping).run(u, np.zeros(0), support=support)
         for stepping in ("cycle_jump", "every_train")
@@ -178,8 +193,7 @@ def test_steppings_agree():
 
 @pytest.mark.parametrize("stepping", ["cycle_jump", "every_train"])
 def test_bits_do_not_depend_on_the_batch(stepping):
-    case, n = varying_case(), 70
-    u, support = toy.profiles(range(n)), Support(fields(n), np.linspace(0.8, 1.3, n))
+    case, u, support = long_waves("one field", 70)
     engine = engine_for(case, stepping)
     together = engine.run(u, np.zeros(0), support=support)
     some = np.array([68, 3, 40])
@@ -257,7 +271,7 @@ def test_one_settling_group_of_linear_growth():
     form = axle_form(case.transfers[0], 3, case.model, PAIRS)
     u0, h = 1e-9 * toy.profiles([0]), 1e-9 * fields(1)
     varying = VaryingForm(form, np.ones((1, 1)), None, FIRST)
-    grown, n_steps = 2e-3, 400
+    grown, n_steps = 2e-3, 100
     u = u0.copy()
     for _ in range(n_steps):  # the classical fourth-order rule
         step = np.array([[grown / n_steps]])
