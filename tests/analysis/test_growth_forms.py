@@ -72,7 +72,7 @@ def test_forms_are_averaged_where_the_runs_do_not_tell_them_apart():
 def test_true_dates_are_evenly_distributed_in_their_forecasts():
     """Ranks of all dates, those after the horizon drawn from what is left beyond it."""
     shares, means = [], []
-    for seed in range(12):
+    for seed in range(8):
         history, days = made(1.0, 100 + seed)
         forecast = line_forecast(by_hand(history), history, HORIZON)
         below = (history.last_sd < LIMIT) & (days > 0.0)

@@ -95,7 +95,15 @@ def test_more_realisations_than_one_launch_holds():
     close(*both(toy.model(), [2], amplitudes, cycles, transfer))
 
 
-@pytest.mark.parametrize(("window", "shortest"), [(70.0, 3.0), (600.0, 8.0), (1000.0, 10.0)])
+@pytest.mark.parametrize(
+    ("window", "shortest"),
+    [
+        (70.0, 3.0),
+        (600.0, 8.0),
+        # Compiles for seconds what 200 m have too, 384 points.
+        pytest.param(1000.0, 10.0, marks=pytest.mark.slow),
+    ],
+)
 def test_windows(window, shortest):
     """Grids of 96, 288 and 384 points: passes of radix 2, 3 and 4; modes from 2 or so."""
     transfer = toy.transfer("car", window, shortest)

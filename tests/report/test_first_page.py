@@ -1,5 +1,6 @@
 """A reader's test: what the first screen of every study with prices says, at eight tracks."""
 
+import functools
 import re
 import tomllib
 from pathlib import Path
@@ -40,6 +41,7 @@ def first_screen(folder: Path) -> str:
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text.split("<nav")[0].split("<main")[1]))
 
 
+@functools.cache
 def small(path: Path) -> Study:
     """The study at eight tracks, and of a nested one at two parameter sets."""
     study = load_study(path)

@@ -224,7 +224,7 @@ def test_pipes_and_devices_are_not_read(tmp_path):
 @pytest.mark.parametrize("kind", ["s3", "gs"])
 def test_a_run_in_a_store_is_the_run_in_a_folder(kind, request, tmp_path):
     """Slices, status, gather, growth, summary: object by object the bytes of the folder."""
-    study = toy.study(run={"realisations": N})
+    study = toy.tiny(run={"realisations": N})
     folder = tmp_path / "folder"
     if kind == "gs":
         url = request.getfixturevalue("google")("runs/one")

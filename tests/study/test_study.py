@@ -520,7 +520,7 @@ PLACES = {name: paths(full) for name, full in FULL.items()}
 KNOWN_KEYS = sorted({s for places in PLACES.values() for p in places for s in map(str, p)})
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_mutated_studies_are_read_or_refused_and_never_crash(data: st.DataObject) -> None:
     name = data.draw(st.sampled_from(sorted(FULL)))
