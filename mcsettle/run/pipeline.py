@@ -5,6 +5,7 @@ and parameter set; each shard is written whole or not at all, so an interrupted 
 stopped and the tables do not depend on batches, threads, slices or pauses.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -59,12 +60,13 @@ class Finished:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What a run knows before its first shard."""
+    """What a run knows before its first shard; ``processes`` are worth their start."""
 
     job: Job
     central: StepA
     todo: list[Shard]
     shards: list[Shard]
+    processes: int
 
 
 @computing()
@@ -95,7 +97,7 @@ def run_study(
         ready = prepare(study, at, options, progress)
         job, central = ready.job, ready.central
         try:
-            with together(worthwhile(job, ready.todo)) as processes:
+            with together(ready.processes) as processes:
                 if processes.pool is None:
                     compute(job, ready.todo, central)
                 else:
@@ -133,8 +135,6 @@ def prepare(
     InputError
         As ``run_study``.
     """
-    from mcsettle.kernels import runtime
-
     run, present = run_inputs(study), provenance_of(at)
     size = options.shard_size or (SHARD if present is None else present.shard_realisations)
     shards = slice_of(all_shards(run.extent, size), options.shards)
@@ -146,19 +146,29 @@ def prepare(
         candidates = candidates_of(study)
         training = set_predictor(candidates, run.transfers, options.processes, progress)
         run = replace(run, sets=with_errors(run.sets, run.transfers))
-    if start:  # before anything starts it with other threads
-        runtime.start(options.threads)
     provenance = _provenance(run, central, size, training)
     same_study(at, provenance)
     job = Job(run, at, provenance, options, progress, list(central.remarks), held_shards(at))
     job.remarks += surrogate_remarks(run.sets, training)
     refuse_smaller(at, job.complete, run.extent)
     todo = [shard for shard in shards if not (shard.name in job.complete and job.is_whole(shard))]
+    processes = worthwhile(job, todo)
+    if start:
+        job.options = replace(options, threads=_started(1 if processes > 1 else options.threads))
     store.prepare(at, provenance, finished=options.shards is not None and not todo)
     write_study(at, run, options.shards)
     if run.fitted:
         job.run = fit_sets(job, todo)
-    return Prepared(job, central, todo, shards)
+    return Prepared(job, central, todo, shards, processes)
+
+
+def _started(threads: int | None) -> int:
+    """Start Taichi; returns its threads. Where it runs already it keeps them: no result depends on it."""
+    from mcsettle.kernels import runtime
+
+    with suppress(RuntimeError):
+        runtime.start(threads)
+    return int(str(runtime.start()["threads"]))
 
 
 def refuse_foreign(at: Place, digest: str, seed: int) -> None:
