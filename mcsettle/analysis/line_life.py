@@ -105,8 +105,8 @@ class LineLife:
         parts = {"tampings": self.count, "cost": self.cost}
         for name, values in parts.items():
             columns[f"{name}_mean"] = values.mean(axis=0)
-            for level, found in zip(LEVELS, np.quantile(values, LEVELS, axis=0), strict=True):
-                columns[f"{name}_p{level * 100:02.0f}"] = found
+            for level, quantiles in zip(LEVELS, np.quantile(values, LEVELS, axis=0), strict=True):
+                columns[f"{name}_p{level * 100:02.0f}"] = quantiles
         for place, name in enumerate(("first", "second")):
             for level, days in zip(LEVELS, self._dates(place), strict=True):
                 columns[f"{name}_p{level * 100:02.0f}"] = days
@@ -121,8 +121,8 @@ class LineLife:
         if place < self.days.shape[2]:
             days = np.nan_to_num(self.days[:, :, place], nan=np.inf)
         last = self.line.history.dates[-1]
-        for found in np.quantile(days, LEVELS, axis=0, method="higher"):
-            yield [calendar(last, day) for day in found]
+        for quantiles in np.quantile(days, LEVELS, axis=0, method="higher"):
+            yield [calendar(last, day) for day in quantiles]
 
 
 def line_life(
@@ -151,16 +151,16 @@ def line_life(
     n, cycles = len(forecast.rows), study.maintenance.cycles
     days, is_open = np.full((count, n, cycles), np.nan), np.zeros((count, n), bool)
     for number, growth in enumerate(forms):
-        own = np.array([d for d, draw in enumerate(drawn) if draw.form == number], dtype=int)
-        if not len(own):
+        of_form = np.array([d for d, draw in enumerate(drawn) if draw.form == number], dtype=int)
+        if not len(of_form):
             continue
-        place = np.tile(np.arange(n), len(own))
-        start = np.concatenate([drawn[d].start for d in own])
-        rate = np.concatenate([drawn[d].rate for d in own])
-        address = np.repeat(own * n, n) + place
+        place = np.tile(np.arange(n), len(of_form))
+        start = np.concatenate([drawn[d].start for d in of_form])
+        rate = np.concatenate([drawn[d].rate for d in of_form])
+        address = np.repeat(of_form * n, n) + place
         part = _Drawn(study, history, forecast, recovery, cycles, place, start, rate, address)
-        found, more = part.followed(growth, progress)
-        days[own], is_open[own] = found.reshape(len(own), n, cycles), more.reshape(len(own), n)
+        tampings, further = part.followed(growth, progress)
+        days[of_form], is_open[of_form] = tampings.reshape(-1, n, cycles), further.reshape(-1, n)
     kilometres = history.lengths[forecast.rows] / 1000.0
     factors = np.exp(-study.economics.discount_rate * days / DAYS_PER_YEAR)
     cost = study.economics.tamping_cost_per_track_km * kilometres * np.nansum(factors, axis=2)
@@ -236,18 +236,18 @@ class _Drawn:
         limit, horizon = self.history.sd_limit[self.rows], self.forecast.horizon
         day, rates = self.forecast.days[self.place, self.start, self.rate], self.rates(growth)
         before = np.maximum(self.history.last_sd[self.rows], limit)
-        found, alive = np.full((len(day), self.cycles), np.nan), day < horizon
+        tampings, alive = np.full((len(day), self.cycles), np.nan), day < horizon
         for tamping in range(1, self.cycles + 1):
             at = np.flatnonzero(alive)
-            found[at, tamping - 1] = day[at]
-            own = self.address[at].tolist()
-            after = self.recovery.sd_after(before[at], self.study.seed, own, tamping)
+            tampings[at, tamping - 1] = day[at]
+            address = self.address[at].tolist()
+            after = self.recovery.sd_after(before[at], self.study.seed, address, tamping)
             rates[at] *= 1.0 + self.recovery.damage
             left = np.maximum(limit[at] - after, 0.0) / rates[at]
             day[at] += DAYS_PER_YEAR * left ** (1.0 / growth.power)
             alive[at] = (day[at] < horizon) & (left > 0.0)
             before = limit
-        return found, day < horizon
+        return tampings, day < horizon
 
     def _by_step_b(
         self, growth: SteppedGrowth, progress: Progress
@@ -273,8 +273,8 @@ class _Drawn:
                 self.recovery, self.cycles, self.forecast.horizon, scene.profiles, typical,
                 self.study.seed,
             )  # fmt: skip
-            own = np.array([other == kind for other in kinds])
-            at = np.flatnonzero(own[self.place])
+            of_kind = np.array([other == kind for other in kinds])
+            at = np.flatnonzero(of_kind[self.place])
             for first in range(0, len(at), ROWS):
                 part = at[first : first + ROWS]
                 tracks = self._tracks(machines[0], scene, part, int(run), factor[part])
@@ -293,10 +293,10 @@ class _Drawn:
         horizon = self.forecast.horizon + self.forecast.last_run_day
         case = build_case(growth.scenes[variant, scenario], growth.prepared)
         case = replace(case, sd_limit=limit, horizon=1.001 * horizon)
-        known = growth.forms.setdefault((variant, scenario), {})
+        forms = growth.forms.setdefault((variant, scenario), {})
         later = with_renewed_ballast(case, self.study.maintenance)
-        return CycleJump(case, tolerance=TOLERANCE, forms=known), CycleJump(
-            later, tolerance=TOLERANCE, forms=known
+        return CycleJump(case, tolerance=TOLERANCE, forms=forms), CycleJump(
+            later, tolerance=TOLERANCE, forms=forms
         )
 
     def _tracks(
@@ -333,7 +333,7 @@ class _Drawn:
 
 def _start_runs(history: LineHistory, rows: np.ndarray) -> np.ndarray:
     """Run [S] at which the last span of each section begins."""
-    found = np.zeros(len(rows), dtype=int)
+    first_runs = np.zeros(len(rows), dtype=int)
     for run, which, is_last in starts(history, rows, history.spans[rows]):
-        found[which[is_last]] = run
-    return found
+        first_runs[which[is_last]] = run
+    return first_runs

@@ -75,8 +75,8 @@ def sections_report(
     due, life_left = _due(history, forecast, plan.join_within_days)
     closed, sites = history.excluded != "", []
     for part in history.stretches:  # no worksite crosses a gap, or changes the track
-        found = worksites(lengths[part], due[part], life_left[part], closed[part], prices)
-        sites += [s.moved(part.start) for s in found]
+        of_stretch = worksites(lengths[part], due[part], life_left[part], closed[part], prices)
+        sites += [s.moved(part.start) for s in of_stretch]
     cost = sum(site.cost for site in sites)
     single = one_by_one(lengths, due, prices)
     return SectionsReport(
@@ -185,8 +185,8 @@ def _due_by_year(history: LineHistory, forecast: LineForecast, seed: int) -> pd.
     n_years = int(np.ceil(forecast.horizon / DAYS_PER_YEAR))
     lengths, rows = np.zeros((DRAWS, n_years)), np.arange(len(forecast.rows))
     kilometres = history.lengths[forecast.rows] / 1000.0
-    for draw, own in enumerate(line_draws(forecast, DRAWS, seed)):
-        days = forecast.days[rows, own.start, own.rate]
+    for draw, drawn in enumerate(line_draws(forecast, DRAWS, seed)):
+        days = forecast.days[rows, drawn.start, drawn.rate]
         year = np.minimum(days, n_years * DAYS_PER_YEAR) // DAYS_PER_YEAR
         lengths[draw] = np.bincount(year.astype(int), kilometres, n_years + 1)[:n_years]
     return due_table(lengths, history.dates[-1])

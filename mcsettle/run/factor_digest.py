@@ -82,15 +82,15 @@ def factor_warnings(study: Study) -> list[str]:
                 f"variant '{variant.name}': settlement_factor is the study's, calibrated for another "
                 f"model form ({', '.join(other)} is read otherwise); {again}"
             )
-        own = {
+        identities = {
             scene.scenario: transfer_identity(scene, scenes)
             for scene in scenes
             if scene.variant == variant.name
         }
-        if variant.factor_digest not in own.values():
+        if variant.factor_digest not in identities.values():
             remarks.append(
                 f"variant '{variant.name}': settlement_factor was found for the transfer functions "
-                f"{variant.factor_digest}, those of scenario '{scenario}' are {own[scenario]}: "
+                f"{variant.factor_digest}, those of scenario '{scenario}' are {identities[scenario]}: "
                 f"another track, ground, train or speed; {again}"
             )
     return remarks
@@ -101,9 +101,9 @@ def _read_otherwise(settings: SettlementTable, study: SettlementTable, varies: b
 
     ``varies``: whether the support does so otherwise.
     """
-    own = settings.model_dump(exclude={"factor_digest"})
-    common = {key: getattr(study, key) for key in own}
-    if own["settlement_factor"] != common["settlement_factor"]:
+    of_variant = settings.model_dump(exclude={"factor_digest"})
+    other = [key for key, value in of_variant.items() if value != getattr(study, key)]
+    if "settlement_factor" in other:
         return []
-    keys = [key for key in own if key != "integration_depth_m" and own[key] != common[key]]
+    keys = [key for key in other if key != "integration_depth_m"]
     return [*keys, "spatial_variability"] if varies else keys

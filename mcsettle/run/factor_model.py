@@ -107,13 +107,13 @@ class FactorModel:
         outcome, first = increment(profiles, 0)
         size = np.sqrt(np.sum(first**2, axis=2))
         settled = np.where(np.isnan(size), np.nan, outcome.mean_settlement.reshape(shape))
-        found = {"settlement": settled / MM, "increment": size / MM}
+        grown = {"settlement": settled / MM, "increment": size / MM}
         if repeated:
             tamped = self.scene.profiles.sample(range(TAMPED, TAMPED + len(profiles)))
             _, second = increment(tamped, 1)
             product = np.sum(first * second, axis=2)
-            found["repetition"] = product / (size * np.sqrt(np.sum(second**2, axis=2)))
-        return found
+            grown["repetition"] = product / (size * np.sqrt(np.sum(second**2, axis=2)))
+        return grown
 
     def _sds(
         self, scenario: str, factors: np.ndarray, profiles: np.ndarray

@@ -83,12 +83,12 @@ def parse_slice(text: str) -> Slice:
     >>> parse_slice("17/64")
     Slice(i=17, n=64)
     """
-    found = _SLICE.fullmatch(text)
-    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+    match = _SLICE.fullmatch(text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
         raise InputError(
             f'shards= received "{text}"; it takes I/N with I from 1 to N, such as 17/64'
         )
-    return Slice(int(found[1]), int(found[2]))
+    return Slice(int(match[1]), int(match[2]))
 
 
 def index_ranges(n: int, size: int) -> list[range]:

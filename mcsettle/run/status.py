@@ -75,12 +75,12 @@ def survey(folder: Where) -> Survey:
     for shard in shards:
         key = (shard.variant, shard.scenario)
         total[key] = total.get(key, 0) + 1
-        found = _fault(at, shard, provenance, shard.name in held)
-        if isinstance(found, Fault):
-            faults.append(found)
+        fault_or_failures = _fault(at, shard, provenance, shard.name in held)
+        if isinstance(fault_or_failures, Fault):
+            faults.append(fault_or_failures)
         else:
             whole[key] = whole.get(key, 0) + 1
-            n_failed += found
+            n_failed += fault_or_failures
     finished, remark = _is_finished(at)
     return Survey(
         folder=str(at),
@@ -128,14 +128,14 @@ def refuse_smaller(at: Place, held: set[str], extent: Extent) -> None:
 
 def _fault(at: Place, shard: Shard, provenance: Provenance, listed: bool) -> Fault | int:
     """What is wrong with a shard, or how many of its rows failed."""
-    found = shard_record.read_record(at, shard.name, provenance) if listed else None
-    if found is None:
+    record = shard_record.read_record(at, shard.name, provenance) if listed else None
+    if record is None:
         reason = "its record is damaged or of another run" if listed else "not computed yet"
         return Fault(shard.name, "damaged" if listed else "missing", reason)
-    reason = shard_record.fault(at, shard.name, found, len(shard.indices)) or ""
+    reason = shard_record.fault(at, shard.name, record, len(shard.indices)) or ""
     if reason:
         return Fault(shard.name, "damaged", reason)
-    return Fault(shard.name, "failed", found.failure) if found.failure else found.n_failed
+    return Fault(shard.name, "failed", record.failure) if record.failure else record.n_failed
 
 
 def _is_finished(at: Place) -> tuple[bool, str]:
@@ -181,6 +181,6 @@ def refuse_other_code(at: Place, provenance: Provenance) -> None:
 
 def strays(at: Place, shards: list[Shard]) -> set[str]:
     """Files in the folders of shards that belong to none of them."""
-    own = {shard.name for shard in shards}
+    of_shards = {shard.name for shard in shards}
     names = [name for table in (*shard_record.SHARDED, "effects") for name in at.names(table)]
-    return {name for name in names if name.partition("/")[2] not in own}
+    return {name for name in names if name.partition("/")[2] not in of_shards}

@@ -87,22 +87,22 @@ def parse_target(text: str) -> Target:
     >>> parse_target("elasticity p95 5%")
     Target(metric='elasticity', statistic='p95', tolerance=0.05)
     """
-    found = _TARGET.match(text)
+    match = _TARGET.match(text)
     statistics = [*_QUANTILES, "mean"]
-    metric = METRICS.get(found[1], found[1]) if found else ""
-    if found is None or metric not in METRICS.values() or found[2] not in statistics:
+    metric = METRICS.get(match[1], match[1]) if match else ""
+    if match is None or metric not in METRICS.values() or match[2] not in statistics:
         raise InputError(
             f'until= received "{text}"; it takes METRIC STATISTIC PERCENT, such as '
             f'"tamping_interval median 2%". Metrics: {", ".join(METRICS)}; statistics: '
             f"{', '.join(dict.fromkeys(statistics))}"
         )
     try:
-        tolerance = float(found[3]) / 100.0
+        tolerance = float(match[3]) / 100.0
     except ValueError:
         tolerance = 0.0
     if not tolerance > 0.0:
         raise InputError(f'until= received "{text}"; the percentage must be positive')
-    return Target(metric, found[2], tolerance)
+    return Target(metric, match[2], tolerance)
 
 
 def worst_error(rows: list[SummaryRow], target: Target) -> tuple[float | None, str]:

@@ -198,9 +198,9 @@ class GroundPredictor:
         points: list[np.ndarray | None] = []
         deviation: float | None = 0.0
         for passage in passages:
-            point, own = self._deviation(passage)
+            point, sd = self._deviation(passage)
             points.append(point)
-            deviation = None if own is None or deviation is None else max(deviation, own)
+            deviation = None if sd is None or deviation is None else max(deviation, sd)
         expected = None
         if deviation is not None:
             expected = Expected(*(deviation * each for each in self.per_deviation))

@@ -69,6 +69,6 @@ def _advanced(
 
     if parent_process() is not None:
         runtime.start(1)
-    own = replace(job, remarks=[])
-    advance(own, member, scene, prepared, shards)
-    return own.remarks
+    of_task = replace(job, remarks=[])
+    advance(of_task, member, scene, prepared, shards)
+    return of_task.remarks

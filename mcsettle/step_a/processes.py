@@ -72,21 +72,21 @@ class Together:
         if self.pool is None:
             return [function(*one) for one in arguments]
         futures = [self.pool.submit(function, *one) for one in arguments]
-        found: dict[int, T] = {}
+        results: dict[int, T] = {}
         untold = set(range(len(futures)))
         for i in reversed(range(len(futures))):
             if futures[i].cancel():
-                found[i] = function(*arguments[i])
+                results[i] = function(*arguments[i])
             else:
                 try:
-                    found[i] = futures[i].result()
+                    results[i] = futures[i].result()
                 except BrokenProcessPool:
-                    found[i] = function(*arguments[i])
+                    results[i] = function(*arguments[i])
             for k in sorted(untold):
-                if k in found or (futures[k].done() and not futures[k].cancelled()):
+                if k in results or (futures[k].done() and not futures[k].cancelled()):
                     untold.remove(k)
                     told(k)
-        return [found[i] for i in range(len(futures))]
+        return [results[i] for i in range(len(futures))]
 
 
 @contextmanager

@@ -51,24 +51,24 @@ def listed_in(at: Place) -> dict[str, str] | None:
         data = read_json(at, MANIFEST, LARGEST_MANIFEST)
     except FileNotFoundError:
         return None
-    own = asdict(read_provenance(at))
+    of_folder = asdict(read_provenance(at))
     try:
-        if data["schema_version"] != FORMAT or {**UNSAID, **data["provenance"]} != own:
+        if data["schema_version"] != FORMAT or {**UNSAID, **data["provenance"]} != of_folder:
             raise ValueError("it is of another run or version")
         return {str(entry["path"]): str(entry["sha256"]) for entry in data["files"]}
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"'{at}/{MANIFEST}' is damaged ({error}); resume the run") from error
 
 
-def refuse_strays(at: Place, found: list[str], listed: list[str]) -> None:
-    """Refuse a folder whose files ``found`` are not those ``listed``.
+def refuse_strays(at: Place, present: list[str], listed: list[str]) -> None:
+    """Refuse a folder whose files ``present`` are not those ``listed``.
 
     Raises
     ------
     InputError
         The message names the first that is missing, or not listed.
     """
-    for name in sorted(set(listed) ^ set(found)):
+    for name in sorted(set(listed) ^ set(present)):
         if name in listed:
             raise InputError(f"'{at}/{name}' is missing; resume the run to write it again")
         raise InputError(f"'{at}/{name}' is not in the manifest; remove it")

@@ -92,20 +92,20 @@ def read_provenance(folder: Where) -> Provenance:
             f"({error.strerror}); give the folder of a run"
         ) from error
     try:
-        found = Provenance(**data)
+        provenance = Provenance(**data)
     except TypeError as error:
         raise InputError(
             f"'{at}/{PROVENANCE}' is damaged ({error}); start again in another folder"
         ) from error
     for entry in fields(Provenance):
-        value = getattr(found, entry.name)
+        value = getattr(provenance, entry.name)
         least = 1 if entry.name == "shard_realisations" else 0
         if type(value) is not entry.type or (entry.type is int and not least <= value < 2**63):
             raise InputError(
                 f"'{at}/{PROVENANCE}' is damaged ({entry.name} is {str(value)[:40]!r}); "
                 "start again in another folder"
             )
-    return found
+    return provenance
 
 
 def read_json(at: Place, name: str, largest: int) -> dict[str, Any]:

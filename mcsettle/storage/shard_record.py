@@ -57,16 +57,16 @@ def write_shard(
         for table in SHARDED
     }
     n_failed = sum(status == "failed" for status in tables["realisations"]["status"])
-    found = Record(len(indices), n_failed, digests, failure)
+    record = Record(len(indices), n_failed, digests, failure)
     data = {
         "provenance": provenance.digest,
-        "rows": found.rows,
-        "failed": found.n_failed,
+        "rows": record.rows,
+        "failed": record.n_failed,
         "sha256": digests,
     } | ({"failure": failure} if failure else {})
     text = json.dumps(data, indent=2, sort_keys=True) + "\n"
     at.write(record_name(name), text.encode())
-    return found
+    return record
 
 
 def record_name(name: str) -> str:
@@ -87,10 +87,10 @@ def read_record(at: Place, name: str, provenance: Provenance) -> Record | None:
         return None
 
 
-def fault(at: Place, name: str, found: Record, rows: int) -> str | None:
+def fault(at: Place, name: str, record: Record, rows: int) -> str | None:
     """What is wrong with a shard that has a record: a sentence, or None where it is whole."""
-    if found.rows != rows:
-        return f"its record has {found.rows} rows, not {rows}"
+    if record.rows != rows:
+        return f"its record has {record.rows} rows, not {rows}"
     for table in SHARDED:
         try:
             data = at.read(f"{table}/{name}")
@@ -98,7 +98,7 @@ def fault(at: Place, name: str, found: Record, rows: int) -> str | None:
             return f"{table}/{name} is missing"
         except InputError as error:
             return str(error)
-        if hashlib.sha256(data).hexdigest() != found.sha256[table]:
+        if hashlib.sha256(data).hexdigest() != record.sha256[table]:
             return f"{table}/{name} was altered or cut short"
         try:
             held = decode(data, name).num_rows
@@ -111,8 +111,8 @@ def fault(at: Place, name: str, found: Record, rows: int) -> str | None:
 
 def is_whole(at: Place, name: str, provenance: Provenance, rows: int) -> bool:
     """Whether a shard is there, whole, and did not fail for good."""
-    found = read_record(at, name, provenance)
-    return found is not None and not found.failure and fault(at, name, found, rows) is None
+    record = read_record(at, name, provenance)
+    return record is not None and not record.failure and fault(at, name, record, rows) is None
 
 
 def remove_shard(at: Place, name: str) -> None:

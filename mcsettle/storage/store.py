@@ -243,10 +243,10 @@ def finish(folder: Where, currency: str = "") -> None:
 
 def _joined(parts: Iterator[pa.Table]) -> pa.Table:
     """Shards as one table, few held as they are: each has a copy of all columns' units and meanings."""
-    found = []
+    tables = []
     while some := list(itertools.islice(parts, AT_A_TIME)):
-        found.append(pa.concat_tables(some).combine_chunks())
-    return pa.concat_tables(found)
+        tables.append(pa.concat_tables(some).combine_chunks())
+    return pa.concat_tables(tables)
 
 
 def _n_distinct(data: pa.Table, keys: Sequence[str]) -> int:

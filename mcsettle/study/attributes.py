@@ -29,14 +29,14 @@ def overridden(domain_object: T, table: BaseModel, paths: Paths) -> T:
 
 def described(domain_object: Any, paths: Paths) -> dict[str, Any]:
     """The keys ``paths`` gives to an object's values; absent and infinite ones left out."""
-    found = {}
+    values = {}
     for key, (path, factor) in paths.items():
         value = domain_object
         for attribute in path.split("."):
             value = getattr(value, attribute, None)
         if value is not None and value != math.inf:
-            found[key] = value if isinstance(value, str) else value / factor
-    return found
+            values[key] = value if isinstance(value, str) else value / factor
+    return values
 
 
 def _changed(target: T, changes: Mapping[str, tuple[str, Any]]) -> T:

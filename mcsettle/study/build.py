@@ -135,8 +135,8 @@ def build_softening(
     table: TrackTable, variant: VariantTable | None = None
 ) -> SofteningSettings | None:
     """How the layers of a study's track soften, those of ``variant`` over its own; None: linear."""
-    own = None if variant is None else variant.soil
-    if (own or table.soil) == "linear":
+    soil = None if variant is None else variant.soil
+    if (soil or table.soil) == "linear":
         return None
     track = build_track(table, variant)
     if not isinstance(track, SectionTrack):
@@ -212,8 +212,10 @@ def build_timetable(scenario: ScenarioTable, trains: Mapping[str, Train]) -> Tim
 
 def settlement_settings(table: SettlementTable, variant: VariantTable) -> SettlementTable:
     """The settlement settings of ``variant``: its own keys, else the study's."""
-    own = {key: value for key in SETTLEMENT_KEYS if (value := getattr(variant, key)) is not None}
-    return table.model_copy(update=own | {"factor_digest": None})
+    overrides = {
+        key: value for key in SETTLEMENT_KEYS if (value := getattr(variant, key)) is not None
+    }
+    return table.model_copy(update=overrides | {"factor_digest": None})
 
 
 def resolved_track(table: TrackTable, softens: bool) -> TrackTable:
@@ -250,11 +252,11 @@ def resolved_variant(
 ) -> VariantTable:
     """``table`` with the settlement keys it inherits written out, but for those ``uncertain``."""
     settings = settlement_settings(settlement, table).model_dump(exclude={"factor_digest"})
-    own = table.model_dump(exclude_none=True)
+    stated = table.model_dump(exclude_none=True)
     inherited = {key: value for key, value in settings.items() if key not in uncertain}
     if table.settlement_factor is None and settlement.factor_digest is not None:
         inherited["factor_digest"] = settlement.factor_digest
-    return VariantTable.model_validate(inherited | own)
+    return VariantTable.model_validate(inherited | stated)
 
 
 def _layers(layers: tuple[Layer, ...], tables: Mapping[str, LayerTable]) -> tuple[Layer, ...]:

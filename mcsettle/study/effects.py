@@ -40,14 +40,14 @@ def study_effects(study: "StudyObjects") -> dict[str, StudyEffect]:
         return {}
     entries = effect_entries(study)
     places = {name: place for place, name in enumerate(study.scenario_names)}
-    counts, found = Counter(entry.scenario for entry in entries), {}
+    counts, effects = Counter(entry.scenario for entry in entries), {}
     for entry in sorted(entries, key=lambda entry: places[entry.scenario]):
         name = entry.scenario
         if counts[name] > 1:
             name = f"{name} against {entry.baseline}"
         change = _change(study, resolved_entry(study, entry))
-        found[name] = StudyEffect(name, entry.scenario, entry.baseline, entry.train, change)
-    return found
+        effects[name] = StudyEffect(name, entry.scenario, entry.baseline, entry.train, change)
+    return effects
 
 
 def effect_entries(study: "StudyObjects") -> tuple[EffectTable, ...]:

@@ -51,20 +51,20 @@ def digest_of(path: Path, expected: str | None, missing: bool = True) -> str:
         There is no such file, or it is not the one expected.
     """
     try:
-        known = path.stat()
-        found = _digest(path, known.st_size, known.st_mtime_ns) if path.is_file() else None
+        state = path.stat()
+        digest = _digest(path, state.st_size, state.st_mtime_ns) if path.is_file() else None
     except (OSError, ValueError):
-        found = None
-    if found is None:
+        digest = None
+    if digest is None:
         if expected is not None and missing:
             return expected
         raise InputError(f"{path} does not exist or is no file that can be read")
-    if expected is not None and found != expected:
+    if expected is not None and digest != expected:
         raise InputError(
-            f"{path} is not the file that the study was made with (SHA-256 {found[:12]}…, expected "
+            f"{path} is not the file that the study was made with (SHA-256 {digest[:12]}…, expected "
             f"{expected[:12]}…); put the old one back, or leave out sha256"
         )
-    return found
+    return digest
 
 
 @lru_cache(maxsize=64)

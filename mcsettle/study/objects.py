@@ -37,11 +37,11 @@ class StudyObjects(StudyTables):
     @property
     def fitted(self) -> Mapping[str, UncertainTable]:
         """Settlement factors that every parameter set fits to the observations, by variant."""
-        found: dict[str, UncertainTable] = {}
+        by_variant: dict[str, UncertainTable] = {}
         for entry in self.uncertain:
             if entry.fitted:
-                found |= dict.fromkeys(followers(self.variants, entry.input), entry)
-        return found
+                by_variant |= dict.fromkeys(followers(self.variants, entry.input), entry)
+        return by_variant
 
     @property
     def observations(self) -> tuple[Observation, ...]:
@@ -89,8 +89,8 @@ class StudyObjects(StudyTables):
         """The ordered day of ``scenario``, its trains as ``variant`` reads them (None: as they are)."""
         trains = dict(self.trains)
         for name, table in ({} if variant is None else self.variant(variant).trains).items():
-            own = self.train_tables[name].model_copy(update=table.model_dump())
-            trains[name] = build_train(name, own, self.vehicle_tables)
+            changed = self.train_tables[name].model_copy(update=table.model_dump())
+            trains[name] = build_train(name, changed, self.vehicle_tables)
         return build_timetable(self.scenario(scenario), trains)
 
     @property
@@ -136,15 +136,15 @@ class StudyObjects(StudyTables):
 
     def change(self, name: str) -> Change | None:
         """What the effect ``name`` changes (a scenario's, where it has one baseline); None: no effect."""
-        found = self.effects.get(name)
-        return None if found is None else found.change
+        effect = self.effects.get(name)
+        return None if effect is None else effect.change
 
 
 Named = TypeVar("Named", ScenarioTable, VariantTable)
 
 
 def _named(name: str, kind: str, tables: Iterable[Named]) -> Named:
-    found = {table.name: table for table in tables}
-    if name not in found:
-        raise InputError(f"'{name}' is no {kind} of this study; {suggestion(name, found)}")
-    return found[name]
+    by_name = {table.name: table for table in tables}
+    if name not in by_name:
+        raise InputError(f"'{name}' is no {kind} of this study; {suggestion(name, by_name)}")
+    return by_name[name]
