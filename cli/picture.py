@@ -26,34 +26,12 @@ def checked_picture(path: Path) -> Path:
     return path
 
 
-def draw(results: "Results", folder: Path, path: Path, force: bool = False) -> None:
-    """Draw the variant that stands first in the finished run in ``folder``."""
-    from mcsettle.report.curves import fans, spreads, survivals
-    from mcsettle.report.figures.results import overview_figure
+def draw(results: "Results", path: Path, force: bool = False) -> None:
+    """Draw the variant that stands first in a finished run."""
     from mcsettle.report.figures.style import drawn
-    from mcsettle.report.material import Material
-    from mcsettle.report.words import unit_words
+    from mcsettle.report.notebook import plot
     from mcsettle.storage.marks import write_marked
-    from mcsettle.storage.provenance import read_provenance
-    from mcsettle.summary.answers import answers
-    from mcsettle.summary.summary import summary_rows
 
-    material = Material(
-        results, tuple(summary_rows(results)), answers(results), read_provenance(folder)
-    )
-    variant = results.study.variant(material.variant)
-    costs = spreads(material, "marginal_cost") if material.compared else []
-    change = results.study.change(material.compared[0]) if material.compared else None
-    label = "" if change is None else f"marginal cost\n[{unit_words(change.unit)}]"
-    figure = overview_figure(
-        fans(material),
-        results.study.limit.sd_limit_mm,
-        survivals(material),
-        costs,
-        label,
-        f"{results.study.title}  {variant.name}: {variant.title}".strip(": "),
-    )
     path = checked_picture(path)
-    write_marked(
-        {path: drawn(figure, path.suffix.lower().lstrip("."))}, results.study.identity, force
-    )
+    picture = drawn(plot(results), path.suffix.lower().lstrip("."))
+    write_marked({path: picture}, results.study.identity, force)

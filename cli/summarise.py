@@ -53,7 +53,7 @@ def summarise(
 
         say("\n".join(one_screen(results, answers(results), str(folder))))
     if picture is not None:
-        draw(results, folder, picture, force)
+        draw(results, picture, force)
         inform(f"Drew {picture}")
 
 

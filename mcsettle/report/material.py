@@ -126,6 +126,18 @@ def read_material(folder: Path, variant: str | None = None, miles: bool = False)
     return Material(results, rows, first, read_provenance(folder), miles)
 
 
+def for_pictures(results: Results, variant: str | None = None) -> Material:
+    """What pictures of ``results`` are made of; they say nothing of provenance.
+
+    Raises
+    ------
+    InputError
+        No such variant.
+    """
+    unsaid = Provenance("", "", "", 0, "", "", 0)
+    return Material(results, tuple(summary_rows(results)), answers(results, variant), unsaid)
+
+
 def rows_digest(table: pd.DataFrame) -> str:
     """SHA-256 [hex] of the rows of a table, in whatever order and files they were stored."""
     if table.empty:

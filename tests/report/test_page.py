@@ -16,6 +16,7 @@ from mcsettle.economics import elasticity, marginal_cost
 from mcsettle.report.build import read_report
 from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
 from mcsettle.report.material import read_material
+from mcsettle.report.notebook import plot
 from mcsettle.report.register import entries
 from mcsettle.report.render import html, markdown
 from mcsettle.study.study import Study, load_study, resolved_toml, study_from_text
@@ -489,6 +490,20 @@ def test_faults_are_told_plainly(speed_run: Path, arguments, said: str) -> None:
     assert done.exit_code == 2
     assert said in done.stderr
     assert "Traceback" not in done.output
+
+
+def test_the_picture_of_a_run_is_that_of_its_report(tmp_path: Path) -> None:
+    """From Python too: SD until it is tamped and not between two days of the history; all is named."""
+    made = made_run.study(run={"history_days": [0, 1095]}, economics={"price_base_year": 2021})
+    folder = made_run.write(tmp_path / "run", made, {"v201": DAYS, "v225": 0.5 * DAYS})
+    figure = plot(folder)
+    sd = figure.axes[0]
+    curve = next(line for line in sd.lines if line.get_label() == "225 km/h")
+    days, middle = curve.get_data()
+    assert days[np.argmax(np.asarray(middle) >= 1.499)] < 400.0  # the median interval is 350 days
+    names = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert names[:2] == ["201 km/h", "225 km/h"]
+    assert figure.get_suptitle().startswith("Toy: two linespeeds")
 
 
 def test_every_picture_names_its_axes(speed_run: Path) -> None:

@@ -221,14 +221,17 @@ def overview_figure(
 
 
 def _one_legend(figure: Figure, panels: Sequence[Axes]) -> None:
-    """The scenarios named once, below all panels: within them two legends would hide the curves."""
+    """Every name once, below all panels: within them two legends would hide the curves."""
     for legend in (*figure.legends, *(axes.get_legend() for axes in panels)):
         if legend is not None:
             legend.remove()
-    handles, labels = panels[0].get_legend_handles_labels()
-    if labels:
-        columns = 4 if len(panels) > 2 else 2
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), columns))
+    named: dict[str, Any] = {}
+    for axes in panels:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    if named:
+        columns = min(len(named), 5 if len(panels) > 2 else 3)
+        figure.legend(named.values(), named, loc="outside lower center", ncols=columns)
 
 
 @styled
