@@ -5,6 +5,7 @@ line; the other two say which part of a computation is missing or has failed.
 """
 
 import contextlib
+import math
 import re
 from collections.abc import Iterator
 
@@ -19,6 +20,12 @@ class MissingPrecomputationError(RuntimeError):
 
 class NumericalError(RuntimeError):
     """A computation that did not converge, or produced something that is not a number."""
+
+
+def check_positive(name: str, value: float, unit: str = "") -> None:
+    """Refuse a number that is not positive and finite, by a ``ValueError``."""
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"{name} is {value} {unit}".rstrip() + "; it must be positive and finite")
 
 
 # How the kernels' compiler and the system's threads say that there is no memory.

@@ -16,13 +16,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from mcsettle.errors import check_positive
+
 DAMPING_CONVENTIONS = ("damping_ratio", "loss_factor")
-
-
-def _positive(name: str, value: float, unit: str, allow_inf: bool = False) -> None:
-    finite = value < math.inf or (allow_inf and value == math.inf)
-    if not (value > 0.0 and finite):
-        raise ValueError(f"{name} is {value} {unit}; it must be positive and finite")
 
 
 @dataclass(frozen=True)
@@ -39,8 +35,8 @@ class Material:
     damping: float
 
     def __post_init__(self) -> None:
-        _positive("Young's modulus", self.youngs_modulus, "Pa")
-        _positive("density", self.density, "kg/m³")
+        check_positive("Young's modulus", self.youngs_modulus, "Pa")
+        check_positive("density", self.density, "kg/m³")
         if not -1.0 < self.poisson < 0.5:
             raise ValueError(f"Poisson's ratio is {self.poisson}; it must lie in (-1, 0.5)")
         if not 0.0 <= self.damping < 0.5:
@@ -71,8 +67,8 @@ class BallastLaw:
     log_slope: float = 0.4
 
     def __post_init__(self) -> None:
-        _positive("ballast law coefficient", self.coefficient, "1/MPa²")
-        _positive("ballast law log_slope", self.log_slope, "-")
+        check_positive("ballast law coefficient", self.coefficient, "1/MPa²")
+        check_positive("ballast law log_slope", self.log_slope, "-")
 
     @property
     def exponent(self) -> float:
@@ -90,11 +86,11 @@ class PowerLaw:
     strength: float
 
     def __post_init__(self) -> None:
-        _positive("settlement parameter a", self.a, "%")
+        check_positive("settlement parameter a", self.a, "%")
         if not 0.0 < self.b < 1.0:
             raise ValueError(f"settlement parameter b is {self.b}; it must lie in (0, 1)")
-        _positive("settlement parameter m", self.m, "-")
-        _positive("compressive strength", self.strength, "Pa")
+        check_positive("settlement parameter m", self.m, "-")
+        check_positive("compressive strength", self.strength, "Pa")
 
     @property
     def exponent(self) -> float:
@@ -117,9 +113,10 @@ class Layer:
     k0: float = 0.5
 
     def __post_init__(self) -> None:
-        _positive(f"height of layer '{self.name}'", self.height, "m", allow_inf=self.width is None)
+        if self.width is not None or self.height != math.inf:
+            check_positive(f"height of layer '{self.name}'", self.height, "m")
         if self.width is not None:
-            _positive(f"width of layer '{self.name}'", self.width, "m")
+            check_positive(f"width of layer '{self.name}'", self.width, "m")
         if not 0.0 < self.k0 <= 3.0:
             raise ValueError(f"K0 of layer '{self.name}' is {self.k0}; it must lie in (0, 3]")
 
@@ -137,12 +134,12 @@ class Rail:
     foot_width: float = 0.15
 
     def __post_init__(self) -> None:
-        _positive("rail Young's modulus", self.youngs_modulus, "Pa")
-        _positive("rail second moment of area", self.second_moment, "m⁴")
-        _positive("rail area", self.area, "m²")
-        _positive("rail density", self.density, "kg/m³")
-        _positive("rail foot width", self.foot_width, "m")
-        _positive("rail offset", self.offset, "m")
+        check_positive("rail Young's modulus", self.youngs_modulus, "Pa")
+        check_positive("rail second moment of area", self.second_moment, "m⁴")
+        check_positive("rail area", self.area, "m²")
+        check_positive("rail density", self.density, "kg/m³")
+        check_positive("rail foot width", self.foot_width, "m")
+        check_positive("rail offset", self.offset, "m")
 
     @property
     def bending_stiffness(self) -> float:
@@ -163,7 +160,7 @@ class RailPad:
     damping: float = 22.5e3
 
     def __post_init__(self) -> None:
-        _positive("rail pad stiffness", self.stiffness, "N/m²")
+        check_positive("rail pad stiffness", self.stiffness, "N/m²")
         if not 0.0 <= self.damping < math.inf:
             raise ValueError(f"rail pad damping is {self.damping}; it must be 0 or more N·s/m²")
 
@@ -185,7 +182,7 @@ class Sleeper:
 
     def __post_init__(self) -> None:
         for name in ("length", "height", "width", "spacing"):
-            _positive(f"sleeper {name}", getattr(self, name), "m")
+            check_positive(f"sleeper {name}", getattr(self, name), "m")
         if self.width > self.spacing:
             raise ValueError(f"sleeper width {self.width} m exceeds their spacing {self.spacing} m")
 
@@ -253,8 +250,8 @@ class BeamTrack:
 
     def __post_init__(self) -> None:
         _check_layers(self.layers)
-        _positive("support stiffness", self.support_stiffness, "N/m²")
-        _positive("sleeper length", self.sleeper_length, "m")
+        check_positive("support stiffness", self.support_stiffness, "N/m²")
+        check_positive("sleeper length", self.sleeper_length, "m")
         if not 0.0 <= self.support_damping < 1.0:
             raise ValueError(
                 f"support damping (loss factor) is {self.support_damping}; it must lie in [0, 1)"

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mcsettle.errors import check_positive
 from mcsettle.units import TONNE
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ class Suspension:
     damping: float
 
     def __post_init__(self) -> None:
-        _positive("suspension stiffness", self.stiffness, "N/m")
+        check_positive("suspension stiffness", self.stiffness, "N/m")
         if not 0.0 <= self.damping < math.inf:
             raise ValueError(f"suspension damping is {self.damping}; it must be 0 or more N·s/m")
 
@@ -90,9 +91,9 @@ class Vehicle:
     def __post_init__(self) -> None:
         for field, unit in _POSITIVE_FIELDS.items():
             if not (self.axles_per_bogie == 1 and field in _OF_SEVERAL_AXLES):
-                _positive(f"{field} of vehicle '{self.name}'", getattr(self, field), unit)
+                check_positive(f"{field} of vehicle '{self.name}'", getattr(self, field), unit)
         for load in self.axle_loads or ():
-            _positive(f"axle load of vehicle '{self.name}'", load, "kg")
+            check_positive(f"axle load of vehicle '{self.name}'", load, "kg")
         self._check_arrangement()
         if self.model not in VEHICLE_MODELS:
             raise ValueError(
@@ -293,11 +294,6 @@ def _kept(vehicle: Vehicle) -> list[int]:
     # A bogie of one wheelset stands on a point: nothing turns it.
     turning = range(bogies + 1, wheels, 2) if vehicle.axles_per_bogie == 1 else ()
     return [i for i in range(first, _size(vehicle)) if i not in turning]
-
-
-def _positive(name: str, value: float, unit: str) -> None:
-    if not 0.0 < value < math.inf:
-        raise ValueError(f"{name} is {value} {unit}; it must be positive and finite")
 
 
 PASSENGER = Vehicle(

@@ -14,7 +14,7 @@ from mcsettle.errors import InputError, computing
 from mcsettle.run.close import close, count_failed
 from mcsettle.run.dispatch import Tally, Work, drive
 from mcsettle.run.options import RunOptions
-from mcsettle.run.pipeline import Finished, Prepared, prepare, refuse_foreign
+from mcsettle.run.pipeline import Finished, prepare, refuse_foreign
 from mcsettle.run.worker import RunSpec, share_step_a
 from mcsettle.storage import lock
 from mcsettle.storage.location import Where, place
@@ -80,7 +80,9 @@ def run_distributed(
     refuse_foreign(at, study.digest, study.seed)
     with lock.held(at, "run", options.take_over):
         ready = prepare(study, at, options, progress, start=False)
-        job, numbers, tally = ready.job, _numbers(ready), Tally(len(ready.shards))
+        job, todo = ready.job, {shard.name for shard in ready.todo}
+        numbers = deque(n for n, shard in enumerate(ready.shards) if shard.name in todo)
+        tally = Tally(len(ready.shards))
         if numbers:
             extent = job.run.extent
             if not extent.nested:
@@ -96,12 +98,6 @@ def run_distributed(
     return Finished(
         Path(str(out)), n_failed, (*told, *failed), True, tally.n_shards, tally.computed
     )
-
-
-def _numbers(ready: Prepared) -> deque[int]:
-    """Numbers of the shards that are left to compute, in order."""
-    todo = {shard.name for shard in ready.todo}
-    return deque(n for n, shard in enumerate(ready.shards) if shard.name in todo)
 
 
 def _wants_distributed() -> None:

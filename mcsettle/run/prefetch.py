@@ -14,7 +14,7 @@ from mcsettle.errors import InputError, NumericalError
 from mcsettle.railway.scene import Scene
 from mcsettle.railway.track import SectionTrack
 from mcsettle.step_a.processes import process_pool
-from mcsettle.step_a.transfers import TransferStore, needs, step_a
+from mcsettle.step_a.transfers import TransferStore, into_cache, needs
 from mcsettle.types import Progress, silent
 
 WORTHWHILE: type = SectionTrack  # a beam's Step A takes less than a process takes to start
@@ -79,14 +79,5 @@ class Prefetch(ExitStack):
         assert self.pool is not None
         while self.left and len(self.running) <= self.processes:
             index, of_set = self.left.pop(0)
-            self.running[index] = self.pool.submit(
-                _computed,
-                of_set,
-                self.shared_transfers.axle_loads,
-                self.shared_transfers.many_grounds,
-            )
-
-
-def _computed(scenes: tuple[Scene, ...], axle_loads: dict[str, float], many_grounds: bool) -> None:
-    """Step A of one parameter set, into the cache folder."""
-    step_a(scenes, store=TransferStore(axle_loads=axle_loads, many_grounds=many_grounds))
+            store = self.shared_transfers.emptied()
+            self.running[index] = self.pool.submit(into_cache, of_set, store)

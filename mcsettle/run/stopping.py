@@ -115,15 +115,12 @@ def worst_error(rows: list[SummaryRow], target: Target) -> tuple[float | None, s
     """
     worst, where = -1.0, ""
     for row in rows:
-        estimate = target.estimate(row) if row.metric == target.metric else None
-        if row.metric != target.metric:
-            continue
-        name = f"{row.variant} {row.scenario}"
-        error = None if estimate is None else estimate.relative_error
-        if error is None:
-            return None, name
-        if error > worst:
-            worst, where = error, name
+        if row.metric == target.metric:
+            estimate, name = target.estimate(row), f"{row.variant} {row.scenario}"
+            error = None if estimate is None else estimate.relative_error
+            if error is None:
+                return None, name
+            worst, where = max((worst, where), (error, name), key=lambda pair: pair[0])
     if worst < 0.0:
         raise InputError(f"until=: this study has no {target.metric} to estimate")
     return worst, where
@@ -136,7 +133,7 @@ def run_until(
     max_minutes: float | None = None,
     options: RunOptions | None = None,
     progress: Progress = silent,
-    tell: Callable[[Batch], None] | None = None,
+    tell: Callable[[Batch], object] = lambda _: None,
     clock: Callable[[], float] = time.monotonic,
     run: Run = run_study,
 ) -> Stopped:
@@ -165,8 +162,7 @@ def run_until(
     while True:
         spent = clock() - start - sum(b.seconds for b in batches)
         batches.append(_batch(out, target, spent))
-        if tell is not None:
-            tell(batches[-1])
+        tell(batches[-1])
         error = batches[-1].error
         if target is not None and error is not None and error <= target.tolerance:
             return Stopped(finished, tuple(batches), True, False)

@@ -25,7 +25,7 @@ from mcsettle.step_a.kriging import next_spread
 from mcsettle.step_a.processes import process_pool
 from mcsettle.step_a.surrogate import Inputs, Surrogate, inputs_of, learnt, relearnt
 from mcsettle.step_a.transfer import TransferFunctions
-from mcsettle.step_a.transfers import Ground, TransferStore, step_a
+from mcsettle.step_a.transfers import Ground, TransferStore, into_cache, step_a
 from mcsettle.storage.files import cache_folder
 from mcsettle.study.candidates import Candidates
 from mcsettle.types import Progress, silent
@@ -70,7 +70,7 @@ def set_predictor(
     None, and no predictor, where all ``candidates`` have the same. ``processes`` are spawned for the
     grounds to learn from.
     """
-    state = _begun(candidates, replace(store, responses={}, transfers={}, first=set()))
+    state = _begun(candidates, store.emptied())
     if state.places.shape[1] == 0:
         return None
     table = candidates.table
@@ -184,11 +184,12 @@ def _point(passage: Passage, inputs: dict[str, Inputs]) -> np.ndarray:
 def _compute(state: _Learning, sets: Sequence[int], processes: int, progress: Progress) -> None:
     """Step A of further ``sets``, in processes where there are several; into ``state``."""
     jobs = [(c, _by_ground(state.passages[c], c % COMPLETE == 0)) for c in sets]
-    options = state.store.axle_loads, state.store.many_grounds
     if processes > 1:
         with process_pool(processes) as pool:
             running = [
-                pool.submit(_into_cache, _learnt_from(state.passages[c]), keys, *options)
+                pool.submit(
+                    into_cache, _learnt_from(state.passages[c]), state.store.emptied(), keys
+                )
                 for c, by_ground in jobs
                 for keys in by_ground
             ]
@@ -197,7 +198,7 @@ def _compute(state: _Learning, sets: Sequence[int], processes: int, progress: Pr
                     finished.result()
                 progress("Step A: grounds to learn from", done, len(running))
     for done, (candidate, by_ground) in enumerate(jobs, 1):
-        store = TransferStore(axle_loads=options[0], many_grounds=options[1])
+        store = state.store.emptied()
         scenes, keys = _learnt_from(state.passages[candidate]), set[Any]().union(*by_ground)
         try:
             step_a(scenes, progress, 1, store, only=keys)
@@ -233,13 +234,6 @@ def _by_ground(passages: list[Passage], complete: bool) -> list[set[Any]]:
         if complete or passage.ground.softened is None or passage.service.speed in ends:
             keys.setdefault(passage.ground, set()).add(passage.key)
     return list(keys.values())
-
-
-def _into_cache(
-    scenes: tuple[Scene, ...], keys: set[Any], axle_loads: dict[str, float], many_grounds: bool
-) -> None:
-    """Some transfer functions of one set, into the cache folder."""
-    step_a(scenes, store=TransferStore(axle_loads=axle_loads, many_grounds=many_grounds), only=keys)
 
 
 def _learnt(state: _Learning, tolerance: Expected) -> tuple[GroundPredictor, list[int]]:

@@ -23,7 +23,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcsettle.errors import InputError
+from mcsettle.errors import InputError, check_positive
 from mcsettle.railway.track import BeamTrack, Layer, depth_below_subgrade
 from mcsettle.step_a.depths import geostatic_stress, layer_quadrature
 from mcsettle.step_a.halfspace import strip_stress
@@ -82,8 +82,7 @@ class BeamResponse:
         ValueError
             If the speed is not positive, or waves would travel along the beam.
         """
-        if not 0.0 < speed < math.inf:
-            raise ValueError(f"speed is {speed} m/s; it must be positive and finite")
+        check_positive("speed", speed, "m/s")
         k = self.wavenumbers
         weights = np.full(k.size, k[1] - k[0])
         for omega in omegas:
@@ -114,8 +113,7 @@ def beam_response(
     """
     settings = {"integration_depth": integration_depth, "period": period, "cutoff": cutoff}
     for name, value in settings.items():
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"{name} is {value}; it must be positive and finite")
+        check_positive(name, value)
     grid = depth_grid(track.layers, integration_depth)
     count = math.ceil(cutoff * period / (2.0 * math.pi))
     positive = np.arange(count + 1, dtype=np.float64) * (2.0 * math.pi / period)

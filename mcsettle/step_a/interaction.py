@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mcsettle.errors import check_positive
 from mcsettle.railway.rail_loads import HALF, RailLoads
 from mcsettle.railway.traffic import Train
 from mcsettle.railway.vehicle import vehicle_compliance
@@ -231,12 +232,8 @@ def _under_axles(
 
 
 def _check(speed: float, wavenumbers: Array, hertz_stiffness: float) -> None:
-    if not 0.0 < speed < np.inf:
-        raise ValueError(f"speed is {speed} m/s; it must be positive and finite")
-    if not 0.0 < hertz_stiffness < np.inf:
-        raise ValueError(
-            f"Hertz stiffness is {hertz_stiffness} N/m; it must be positive and finite"
-        )
+    check_positive("speed", speed, "m/s")
+    check_positive("Hertz stiffness", hertz_stiffness, "N/m")
     if wavenumbers.ndim != 1 or wavenumbers.size == 0:
         raise ValueError(f"wavenumbers must be a list of at least one, shape {wavenumbers.shape}")
     if not (np.all(wavenumbers > 0.0) and np.all(np.isfinite(wavenumbers))):

@@ -90,6 +90,10 @@ class TransferStore:
     many_grounds: bool = False
     predictor: "Predictor | None" = None
 
+    def emptied(self) -> "TransferStore":
+        """An empty store for the same study, without a predictor."""
+        return TransferStore(axle_loads=self.axle_loads, many_grounds=self.many_grounds)
+
     def trim(self, used: set[Any]) -> None:
         """Forget what was not used just now, nor the first time."""
         self.first = self.first or used
@@ -141,6 +145,13 @@ def step_a(
             remarks[speed_remark(service, store.responses[ground], softened)] = None
     store.trim(used)
     return StepA(transfers, tuple(remark for remark in remarks if remark is not None))
+
+
+def into_cache(
+    scenes: Sequence[Scene], store: TransferStore, only: Container[Any] | None = None
+) -> None:
+    """``step_a`` in another process: what it computes stays in the cache folder."""
+    step_a(scenes, store=store, only=only)
 
 
 def needs(scenes: Sequence[Scene], store: TransferStore) -> set[Any]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mcsettle.errors import check_positive
 from mcsettle.verification.layered_ground import (
     LayeredGround,
     PlaneWaves,
@@ -95,8 +96,7 @@ def strip_compliance(
     (1/π) ∫ ũ(κ, ω) sinc²(ky b/2) dky; the tail beyond a hundred lobes is that of the static
     compliance (1 - ν)/(G ky) of the uppermost layer.
     """
-    if not 0.0 < width < math.inf:
-        raise ValueError(f"the strip's width is {width} m; it must be positive and finite")
+    check_positive("the strip's width", width, "m")
     if wavenumber == 0.0 and omega == 0.0:
         raise ValueError("the static displacement of the ground has no limit as kx → 0")
 

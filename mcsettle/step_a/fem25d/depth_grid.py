@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from mcsettle.errors import check_positive
 from mcsettle.railway.track import Layer, SectionTrack
 from mcsettle.step_a.depths import layer_quadrature
 from mcsettle.step_a.transfer import DepthGrid
@@ -31,10 +32,7 @@ def depth_grid(track: SectionTrack, integration_depth: float) -> DepthGrid:
     ValueError
         If the depth is not positive and finite.
     """
-    if not 0.0 < integration_depth < math.inf:
-        raise ValueError(
-            f"integration depth is {integration_depth} m; it must be positive and finite"
-        )
+    check_positive("integration depth", integration_depth, "m")
     return layer_quadrature(track.layers, integration_depth, _panels, POINTS)
 
 

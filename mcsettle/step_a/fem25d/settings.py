@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from mcsettle.errors import check_positive
 from mcsettle.step_a.fem25d.section import MeshSettings
 
 WIDE_BANDS = (0.015, 0.05, 0.15, 0.4, 1.0, 2.0, 4.5, 12.0)  # rad/m
@@ -34,9 +35,7 @@ class Settings:
         if list(self.bands) != sorted(set(self.bands)) or not self.bands or self.bands[0] <= 0.0:
             raise ValueError(f"wavenumber bands are {self.bands}; they must be positive and rising")
         for name in ("max_omega", "max_speed", "tolerance", "panel"):
-            value = getattr(self, name)
-            if not 0.0 < value < float("inf"):
-                raise ValueError(f"{name} is {value}; it must be positive and finite")
+            check_positive(name, getattr(self, name))
         if self.panel_points < 2 or self.max_solves < 3:
             raise ValueError(
                 f"panel_points is {self.panel_points} and max_solves {self.max_solves}; "

@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from mcsettle.errors import NumericalError
+from mcsettle.errors import NumericalError, check_positive
 from mcsettle.railway.modulus_curves import Curve, reduction
 from mcsettle.railway.softening_choices import OCTAHEDRAL, SofteningSettings
 from mcsettle.railway.track import SectionTrack, without_laws
@@ -122,8 +122,7 @@ def soften(
         If the iteration does not converge (unless ``settings.keep_last``: then a warning).
     """
     settings = SofteningSettings() if settings is None else settings
-    if not 0.0 < speed < np.inf:
-        raise ValueError(f"speed is {speed} m/s; it must be positive and finite")
+    check_positive("speed", speed, "m/s")
     curves = settings.layer_curves(track)
     if frame is None:
         plain = without_laws(track)
