@@ -48,3 +48,15 @@ def fresh_cache(
         response = toy.beam_response_once if alone else toy.full_beam_response_once
         patch.setattr(track_response, "beam_response", response)
         yield folder
+
+
+@pytest.fixture(scope="module")
+def few_resamples() -> Iterator[None]:
+    """A tenth of the bootstrap's resamples: for runs that are compared with one another."""
+    from mcsettle.estimate import resampling
+
+    resampling._counts.cache_clear()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(resampling, "RESAMPLES", resampling.RESAMPLES // 10)
+        yield
+    resampling._counts.cache_clear()

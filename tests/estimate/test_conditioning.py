@@ -228,14 +228,14 @@ def few_tracks():
 
 
 @pytest.fixture(scope="module")
-def finished(fresh_cache, few_tracks, tmp_path_factory):
+def finished(fresh_cache, few_resamples, few_tracks, tmp_path_factory):
     """Every set fits its own factor to the median interval of 200 sections."""
     study = uncertain(N0, LOAD, COST, FITTED, observed=[{**INTERVAL, "sections": 200}])
     out = tmp_path_factory.mktemp("fitted") / "results"
     return run_study(study, out, RunOptions(realisations=24, parameter_sets=5))
 
 
-@pytest.mark.usefixtures("fresh_cache")
+@pytest.mark.usefixtures("fresh_cache", "few_resamples")
 def test_every_set_fits_its_factor(finished):
     """The median of 24 tracks is 60 days in every set, as well as 200 sections and 24 tracks tell."""
     results = read_results(finished.folder)
@@ -259,7 +259,7 @@ def test_every_set_fits_its_factor(finished):
     )
 
 
-@pytest.mark.usefixtures("fresh_cache")
+@pytest.mark.usefixtures("fresh_cache", "few_resamples")
 def test_growing_keeps_the_fits(finished, tmp_path):
     study = load_study(finished.folder / "study.toml")
     run_study(study, tmp_path, RunOptions(realisations=24, parameter_sets=3))
@@ -272,7 +272,7 @@ def test_growing_keeps_the_fits(finished, tmp_path):
     np.testing.assert_array_equal(first["log_likelihood"], grown["log_likelihood"][:3])
 
 
-@pytest.mark.usefixtures("fresh_cache")
+@pytest.mark.usefixtures("fresh_cache", "few_resamples")
 def test_observations_added_to_a_finished_run_weight_it(tmp_path):
     """No row is computed again; without the observations the weights are gone again."""
     plain = uncertain(
@@ -306,7 +306,7 @@ def test_observations_added_to_a_finished_run_weight_it(tmp_path):
     assert read_results(tmp_path).conditioning("base") is None
 
 
-@pytest.mark.usefixtures("fresh_cache")
+@pytest.mark.usefixtures("fresh_cache", "few_resamples")
 def test_a_set_that_failed_leaves_the_numbers_of_the_others(tmp_path):
     wide = [{**entry, "sd_error_mm": 0.2} for entry in SDS]
     run = {"realisations": 12, "parameter_sets": 8, "history_days": [0, 10, 20, 40]}

@@ -17,6 +17,7 @@ from mcsettle.report.build import read_report
 from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
 from mcsettle.report.material import read_material
 from mcsettle.report.notebook import plot
+from mcsettle.report.page import Page
 from mcsettle.report.register import entries
 from mcsettle.report.render import html, markdown
 from mcsettle.study.study import Study, load_study, resolved_toml, study_from_text
@@ -103,8 +104,18 @@ def speed_run(tmp_path_factory) -> Path:
     return made_run.write(tmp_path_factory.mktemp("speed") / "run", made, SPEED)
 
 
-def test_page_is_whole_and_answers_first(speed_run: Path) -> None:
-    text = page_of(speed_run)
+@pytest.fixture(scope="module")
+def speed_report(speed_run: Path) -> Page:
+    return read_report(speed_run)
+
+
+@pytest.fixture(scope="module")
+def speed_page(speed_report: Page) -> str:
+    return html(speed_report)
+
+
+def test_page_is_whole_and_answers_first(speed_page: str) -> None:
+    text = speed_page
     tags = checked(text)
     assert tags.images
     first = text[: text.index("<nav")]
@@ -127,10 +138,12 @@ def test_page_is_whole_and_answers_first(speed_run: Path) -> None:
     assert text.index('id="register"') < text.index('id="provenance"')
 
 
-def test_same_run_elsewhere_gives_the_same_bytes(speed_run: Path, tmp_path: Path) -> None:
+def test_same_run_elsewhere_gives_the_same_bytes(
+    speed_run: Path, speed_page: str, tmp_path: Path
+) -> None:
     made = read_material(speed_run).study
     other = made_run.write(tmp_path / "elsewhere", made, SPEED)
-    assert page_of(speed_run) == page_of(other)
+    assert speed_page == page_of(other)
 
 
 def test_answer_is_the_closed_form_in_every_unit(speed_run: Path) -> None:
@@ -233,12 +246,12 @@ def test_a_minority_of_tracks_states_no_cost(tmp_path: Path) -> None:
     """Few of the tracks reach the limit in both scenarios: those that do are not like the others."""
     later = np.where(np.arange(41) < 5, 0.8 * DAYS, np.nan)
     folder = made_run.write(tmp_path / "run", made_run.study(), {"v201": DAYS, "v225": later})
-    first = page_of(folder)
-    first = first[: first.index("<nav")]
+    page = page_of(folder)
+    first = page[: page.index("<nav")]
     assert "no price. Only 5 of 41 pairs of sections reach the limit within 50 years" in first
     assert "the line&#39;s mean is at most" in first
     assert "Supported: no" in first
-    assert "Charge table" not in page_of(folder)
+    assert "Charge table" not in page
     most = np.where(np.arange(41) < 36, 0.8 * DAYS, np.nan)
     folder = made_run.write(tmp_path / "most", made_run.study(), {"v201": DAYS, "v225": most})
     assert "no price" not in page_of(folder)
@@ -265,8 +278,8 @@ def test_one_realisation_one_scenario_failed_rows(tmp_path: Path) -> None:
     checked(page_of(every))
 
 
-def test_published_values_stand_beside_ours(speed_run: Path) -> None:
-    page = read_report(speed_run)
+def test_published_values_stand_beside_ours(speed_report: Page) -> None:
+    page = speed_report
     part = next(s for s in page.sections if s.key == "published")
     text = markdown(page, ("published",))
     tables = [b.caption for b in part.blocks if type(b).__name__ == "Table"]
@@ -398,8 +411,8 @@ def test_price_base_year_is_stated(tmp_path: Path) -> None:
     assert "prices of 2021" in page_of(made_run.write(tmp_path / "run", made, SPEED))
 
 
-def test_markdown_has_every_table(speed_run: Path) -> None:
-    page = read_report(speed_run)
+def test_markdown_has_every_table(speed_report: Page) -> None:
+    page = speed_report
     text = markdown(page)
     for section in page.sections:
         for block in section.blocks:
@@ -451,8 +464,9 @@ def invoke(*arguments):
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
-def test_report_command_writes_beside_the_folder(speed_run: Path, tmp_path: Path) -> None:
-
+def test_report_command_writes_beside_the_folder(
+    speed_run: Path, speed_page: str, tmp_path: Path
+) -> None:
     from mcsettle.storage import manifest
     from mcsettle.storage.marks import marked
     from mcsettle.summary.results import study_of
@@ -461,7 +475,7 @@ def test_report_command_writes_beside_the_folder(speed_run: Path, tmp_path: Path
     assert done.exit_code == 0, done.output
     target = speed_run.with_name(speed_run.name + ".html")
     study = study_of(speed_run).identity
-    assert target.read_bytes() == marked(page_of(speed_run).encode(), ".html", study)
+    assert target.read_bytes() == marked(speed_page.encode(), ".html", study)
     manifest.verify(speed_run)  # nothing was added to the results
     pictures, text = tmp_path / "pictures", tmp_path / "tables.md"
     done = invoke("report", speed_run, "--out", tmp_path / "a.html", "--figures",
@@ -506,8 +520,8 @@ def test_the_picture_of_a_run_is_that_of_its_report(tmp_path: Path) -> None:
     assert figure.get_suptitle().startswith("Toy: two linespeeds")
 
 
-def test_every_picture_names_its_axes(speed_run: Path) -> None:
-    page = read_report(speed_run)
+def test_every_picture_names_its_axes(speed_report: Page) -> None:
+    page = speed_report
     names = [p.name for p in page.pictures]
     assert len(names) == len(set(names))
     for picture in page.pictures:

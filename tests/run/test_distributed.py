@@ -24,7 +24,7 @@ from mcsettle.study.study import resolved_toml
 
 distributed = pytest.importorskip("distributed")
 pytestmark = [
-    pytest.mark.usefixtures("fresh_cache"),
+    pytest.mark.usefixtures("fresh_cache", "few_resamples"),
     pytest.mark.filterwarnings("ignore"),  # Dask's own, of every kind
 ]
 N, SIZE = 6, 2

@@ -24,7 +24,7 @@ from mcsettle.summary.results import Results, read_results
 from mcsettle.summary.sign_split import sign_rows
 from mcsettle.summary.summary import summary_rows, tonnage_rows
 
-pytestmark = pytest.mark.usefixtures("fresh_cache")
+pytestmark = pytest.mark.usefixtures("fresh_cache", "few_resamples")
 SHARD = 3  # two for each scenario
 
 

@@ -23,7 +23,7 @@ from mcsettle.study.transfer_store import transfer_store
 from mcsettle.types import silent
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
-pytestmark = pytest.mark.usefixtures("fresh_cache")
+pytestmark = pytest.mark.usefixtures("fresh_cache", "few_resamples")
 PROCESSES = True  # others go on with what is computed here
 
 
@@ -45,7 +45,10 @@ def test_sets_that_differ_in_loads_or_money_need_nothing_of_their_own():
 @pytest.mark.usefixtures("beams_too")
 def test_the_run_finds_what_was_computed_ahead(monkeypatch, tmp_path):
     waves = {"window_m": 70.0, "shortest_m": 15.0, "longest_m": 30.0}
-    study = uncertain(SPRING, profile=waves, run={"realisations": 3, "parameter_sets": 4})
+    shallow = {"integration_depth_m": 1.0}
+    study = uncertain(
+        SPRING, profile=waves, settlement=shallow, run={"realisations": 3, "parameter_sets": 4}
+    )
     members = all_sets(study)
     shared_transfers = transfer_store(study)
     with Prefetch({m.index: m.study.scenes for m in members}, shared_transfers, 2) as window:

@@ -25,7 +25,7 @@ from mcsettle.study.parameter_sets import all_sets, first_sets
 from mcsettle.study.study import Study
 from mcsettle.study.transfer_store import transfer_store
 
-pytestmark = pytest.mark.usefixtures("fresh_cache", "small_pool")
+pytestmark = pytest.mark.usefixtures("fresh_cache", "few_resamples", "small_pool")
 SETS, TRACKS = 5, 3
 DAMPING = SPRING | {
     "input": "trains.passenger.secondary_damping_ns_per_m",

@@ -47,6 +47,7 @@ def test_every_number_whose_name_ends_in_a_unit_has_it_but_for_the_exponents(nam
     assert seen > 50
 
 
+@pytest.mark.usefixtures("few_resamples")
 def test_an_exponent_is_no_length(tmp_path: Path) -> None:
     uncertain = study()
     units = {input_column(EXPONENT): "1", input_column(LOAD): "t"}

@@ -95,7 +95,8 @@ def test_the_digest_is_that_of_the_files_content(folder: Path) -> None:
         study(folder, weights="none.csv")
 
 
-def test_a_run_goes_on_and_reports_by_segment(folder: Path, fresh_cache: Path) -> None:
+@pytest.mark.usefixtures("fresh_cache", "few_resamples")
+def test_a_run_goes_on_and_reports_by_segment(folder: Path) -> None:
     from mcsettle import run_study
     from mcsettle.storage.store import read
     from mcsettle.summary.results import read_results
