@@ -34,6 +34,7 @@ METRICS = {
     "elasticity": "elasticity",
     "marginal_cost": "marginal cost",
 }
+SIGNS = ("roughening_ratio", "break_even_ratio", "leverage")  # why an effect has its sign
 PAGES = ("docs/results.md",)  # with generated tables
 _BLOCK = re.compile(r"(<!-- table (\w+)((?: \w+)*) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 _PLACE = re.compile(r"\{([^}]*)\}")
@@ -51,7 +52,7 @@ Table = dict[tuple[str, str, str], dict[str, str]]
 
 
 def table_of(results: Results) -> str:
-    """The CSV text of a run: quantiles, error, line mean, published value of every metric.
+    """The CSV text of a run: quantiles, error, line mean, published value of every metric; ``SIGNS``.
 
     ``settles`` the median uniform settlement at the end [mm], ``shortens`` the least share of the
     sections whose interval shortens [%], ``sign`` 1, −1 or 0 where it is not settled.
@@ -81,7 +82,24 @@ def table_of(results: Results) -> str:
         if effect is not None and row.metric == "reduction_percent":
             others[1:] = [f"{100.0 * effect.shortens[0]:.6g}", str(effect.sign)]
         writer.writerow([*key, *cells, percentile(row), len(tracks), f"{factor:g}", *others])
+    if not results.sign_split.empty:
+        writer.writerows(_signs(results))
     return stream.getvalue()
+
+
+def _signs(results: Results) -> Iterator[list[object]]:
+    """P5, P50 and P95 of what gives an effect its sign."""
+    for (variant, scenario), tracks in results.sign_split.groupby(["variant", "scenario"]):
+        for metric in SIGNS:
+            low, middle, high = tracks[metric].quantile([0.05, 0.5, 0.95])
+            if middle == middle:  # known
+                row: dict[str, object] = {
+                    "variant": variant,
+                    "scenario": scenario,
+                    "metric": metric,
+                }
+                row |= {"p5": f"{low:.6g}", "p50": f"{middle:.6g}", "p95": f"{high:.6g}"}
+                yield [(row | {"n": len(tracks)}).get(column, "") for column in COLUMNS]
 
 
 def read_table(name: str) -> Table:
