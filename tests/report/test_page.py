@@ -13,11 +13,13 @@ from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
 from mcsettle.economics import elasticity, marginal_cost
+from mcsettle.estimate.estimate import Estimate
 from mcsettle.report.build import read_report
 from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
 from mcsettle.report.material import read_material
 from mcsettle.report.notebook import plot
 from mcsettle.report.page import Page
+from mcsettle.report.quality import _with_limits
 from mcsettle.report.register import entries
 from mcsettle.report.render import html, markdown
 from mcsettle.study.study import Study, load_study, resolved_toml, study_from_text
@@ -231,6 +233,29 @@ def test_everything_censored(tmp_path: Path) -> None:
     assert "No section reached its limit within 50 years" in first
     assert "no price." in first
     assert not re.search(r"\b(nan|inf)\b", " ".join(parsed(text).text), re.IGNORECASE)
+
+
+def test_later_tables_say_once_what_is_not_reached(tmp_path: Path) -> None:
+    """No rows of blanks, no rounding noise for an error, scenarios of one fate in one row."""
+    published = {"metric": "tamping_interval_days", "scenario": "v201", "value": 697.0, "unit": "d",
+                 "source": "Table 3"}  # fmt: skip
+    variants = [{"name": "fitted"}, {"name": "literal", "settlement_factor": 1.0}]
+    made = made_run.study(reference=[published], variants=variants)
+    never = np.full(41, np.nan)
+    page = read_report(made_run.write(tmp_path / "run", made, {"v201": never, "v225": never}))
+    text = markdown(page)
+    assert "| fitted | v201, v225 | 41 | 0 | 41 | 0 |" in text
+    assert "known of most sections: fitted, literal (v201, tamping interval)." in text
+    assert "| literal | not reached" not in text
+
+
+def test_an_error_that_is_rounding_noise_is_none() -> None:
+    noise = Estimate(1.37, None, 1.37, 1.8e-14, 64, 0, "%")
+    assert _with_limits(noise, "not reached") == ("1.37", "open", "1.37", "0", "0.0")
+    sound = Estimate(1130.4, 940.2, None, 121.0, 64, 0, "d")
+    assert _with_limits(sound, "not reached") == ("1130", "940", "open", "120", "10.7")
+    gone = Estimate(None, 0.61, None, None, 64, 34, "mm")
+    assert _with_limits(gone, "tamped before")[:3] == ("tamped before", "0.610", "open")
 
 
 def test_one_censored_scenario_states_no_cost(tmp_path: Path) -> None:
