@@ -140,13 +140,13 @@ class CrossedSample:
         drawn, values = self.resampling, self.highest
         n, n_censored = int(np.sum(self.valid)), int(np.sum(self.censored))
         estimates = []
-        for level, found in zip(levels, _quantiles(values, levels, drawn), strict=True):
-            value, error, note = finite(found[0]), None, ""
-            if np.isinf(found[0]):
+        for level, resampled in zip(levels, _quantiles(values, levels, drawn), strict=True):
+            value, error, note = finite(resampled[0]), None, ""
+            if np.isinf(resampled[0]):
                 note = f"not reached by day {np.nanmax(self.at_least):g}"
-            elif np.all(np.isfinite(found[1:])):
-                error = float(np.std(found[1:], ddof=1))
-            limits = _limits(values, level, found[0], drawn)
+            elif np.all(np.isfinite(resampled[1:])):
+                error = float(np.std(resampled[1:], ddof=1))
+            limits = _limits(values, level, resampled[0], drawn)
             estimates.append(Estimate(value, *limits, error, n, n_censored, self.unit, note))
         return estimates
 
@@ -194,8 +194,8 @@ class CrossedSample:
         if len(self.values) > 1:
             return self.mean()
         known = self.values[~np.isnan(self.values)]
-        found = plain.mean(known, self.unit)
-        return replace(found, note=self.note or found.note)
+        mean = plain.mean(known, self.unit)
+        return replace(mean, note=self.note or mean.note)
 
     def section_quantiles(self) -> list[Estimate]:
         """``quantiles`` of the known values, of one parameter set those of independent tracks."""
@@ -303,8 +303,8 @@ def _limits(
         n = min(drawn.sizes)
     ends = []
     for position in order_positions(n, level):
-        found = None if position is None else _quantiles(values, (position,), drawn, 1)[0, 0]
-        ends.append(finite(found))
+        end = None if position is None else _quantiles(values, (position,), drawn, 1)[0, 0]
+        ends.append(finite(end))
     return ends[0], ends[1]
 
 

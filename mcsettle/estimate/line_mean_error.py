@@ -101,16 +101,16 @@ def line_intervals(
     list of (low, high)
         None where that side is open.
     """
-    found = []
+    intervals = []
     of_tracks = _tracks(of_sections, count, levels, drawn)
     for level, value, reaches in zip(levels, quantiles, of_tracks, strict=True):
         ends = []
         of_sets = _sets(lines, level, value, drawn.by_set[0])
-        for track, own, sign in zip(reaches, of_sets, (-1.0, 1.0), strict=True):
-            reach = np.hypot(track, np.inf if own is None else max(sign * (own - value), 0.0))
+        for track, end, sign in zip(reaches, of_sets, (-1.0, 1.0), strict=True):
+            reach = np.hypot(track, np.inf if end is None else max(sign * (end - value), 0.0))
             ends.append(float(value + sign * reach) if np.isfinite(reach) else None)
-        found.append((ends[0], ends[1]))
-    return found
+        intervals.append((ends[0], ends[1]))
+    return intervals
 
 
 def _tracks(
@@ -123,29 +123,29 @@ def _tracks(
         n_tracks = len(drawn.blocks)
         return [_one_set(of_sections, count, level, n_tracks) for level in levels]
     reaches = []
-    for own in _mixed(of_sections, count, levels, drawn.sets_kept):
-        others = own[1:][np.isfinite(own[1:])]
+    for resampled in _mixed(of_sections, count, levels, drawn.sets_kept):
+        others = resampled[1:][np.isfinite(resampled[1:])]
         if len(others) < 2:
             reaches.append((np.inf, np.inf))
             continue
         low, high = np.quantile(others, [drawn.alpha, 1.0 - drawn.alpha])
-        reaches.append((max(float(own[0] - low), 0.0), max(float(high - own[0]), 0.0)))
+        reaches.append((max(float(resampled[0] - low), 0.0), max(float(high - resampled[0]), 0.0)))
     return reaches
 
 
-def _one_set(found: Moments, count: int, level: float, n_tracks: int) -> tuple[float, float]:
+def _one_set(of_sections: Moments, count: int, level: float, n_tracks: int) -> tuple[float, float]:
     """Studentised: the quantile's error by its influence function in every resample."""
     # The quantile is mean + lean · sd, and both move with the tracks: its variance is that of the mean,
     # of the sd and their covariance (the skewness). Each resample's miss is measured in its own error,
     # so that one that came out narrow by chance does not pass for precise.
     root = np.sqrt(count)
-    mean, sd = found.mean[:, 0], found.sd[:, 0]
-    at = curve(level, found.skew[:, 0] / root)
+    mean, sd = of_sections.mean[:, 0], of_sections.sd[:, 0]
+    at = curve(level, of_sections.skew[:, 0] / root)
     quantile, lean = mean + sd * at / root, at / root
     with np.errstate(invalid="ignore", divide="ignore"):
         square = (
-            sd**2 + lean * found.skew[:, 0] * sd**2
-            + lean**2 * (found.fourth[:, 0] - sd**4) / (4.0 * sd**2)
+            sd**2 + lean * of_sections.skew[:, 0] * sd**2
+            + lean**2 * (of_sections.fourth[:, 0] - sd**4) / (4.0 * sd**2)
         )  # fmt: skip
         error = np.sqrt(np.maximum(square, 0.0) / (n_tracks - 1.0))
         scores = (quantile[1:] - quantile[0]) / error[1:]
@@ -156,13 +156,15 @@ def _one_set(found: Moments, count: int, level: float, n_tracks: int) -> tuple[f
     return max(float(high * error[0]), 0.0), max(float(-low * error[0]), 0.0)
 
 
-def _mixed(found: Moments, count: int, levels: Sequence[float], by_set: np.ndarray) -> np.ndarray:
+def _mixed(
+    of_sections: Moments, count: int, levels: Sequence[float], by_set: np.ndarray
+) -> np.ndarray:
     """Quantiles [L, B] over the mixture of the sets' curves, weighted by ``by_set`` [B, E]."""
     each = max(11, POINTS // by_set.shape[1])
     shares = (np.arange(each) + 0.5) / each
     root = np.sqrt(count)
-    points = found.mean[:, :, None] + found.sd[:, :, None] / root * curve(
-        shares, found.skew[:, :, None] / root
+    points = of_sections.mean[:, :, None] + of_sections.sd[:, :, None] / root * curve(
+        shares, of_sections.skew[:, :, None] / root
     )
     weights = np.repeat(by_set, each, axis=1)
     rows = zip(points.reshape(len(by_set), -1), weights, strict=True)

@@ -138,9 +138,9 @@ class Resampling:
 
     def of_sets(self, chosen: np.ndarray) -> "Resampling":
         """The same resamples of the sets ``chosen`` [E] alone."""
-        found = copy.copy(self)
-        found.by_set, found.sets_kept = self.by_set[:, chosen], self.sets_kept[:, chosen]
-        return found
+        resampling = copy.copy(self)
+        resampling.by_set, resampling.sets_kept = self.by_set[:, chosen], self.sets_kept[:, chosen]
+        return resampling
 
 
 @lru_cache(maxsize=4)
@@ -175,8 +175,8 @@ def _levelled(weights: np.ndarray) -> np.ndarray:
 
 def _checked(weights: np.ndarray, n_sets: int) -> np.ndarray:
     """Weights [E] with mean 1."""
-    found = np.asarray(weights, dtype=float)
-    sound = found.shape == (n_sets,) and bool(np.all(np.isfinite(found) & (found >= 0.0)))
-    if not sound or not np.sum(found) > 0.0:
+    values = np.asarray(weights, dtype=float)
+    sound = values.shape == (n_sets,) and bool(np.all(np.isfinite(values) & (values >= 0.0)))
+    if not sound or not np.sum(values) > 0.0:
         raise InputError(f"weights of {n_sets} parameter sets: none negative, not all of them zero")
-    return np.asarray(found * (n_sets / np.sum(found)))
+    return np.asarray(values * (n_sets / np.sum(values)))

@@ -95,7 +95,7 @@ def interval_quantiles(
         # Where the curve is 0 or 1 the band is undefined, and gives no limit.
         warnings.filterwarnings("ignore", message="The confidence interval is undefined")
         band: Any = curve.sf.confidence_interval(confidence, method="log-log")
-    n, found = len(events) + len(horizons), []
+    n, estimates = len(events) + len(horizons), []
     for level in levels:
         value = _first_day(times, reached, level)
         lower = _first_day(times, 1.0 - band.low.probabilities, level)
@@ -105,8 +105,8 @@ def interval_quantiles(
         if value is not None and error is None:
             error = implied_error((lower, upper), value, confidence)
         error = None if value is None else error
-        found.append(Estimate(value, lower, upper, error, n, len(horizons), "d", note))
-    return found
+        estimates.append(Estimate(value, lower, upper, error, n, len(horizons), "d", note))
+    return estimates
 
 
 def restricted_mean(
@@ -252,8 +252,8 @@ def summarise_intervals(
     days: np.ndarray, censored_at: np.ndarray, levels: tuple[float, ...] = LEVELS
 ) -> list[Statistic]:
     """Quantiles and restricted mean of tamping intervals [days] (``interval_quantile``)."""
-    found = interval_quantiles(days, censored_at, levels)
-    rows = [Statistic("quantile", p, e) for p, e in zip(levels, found, strict=True)]
+    quantiles = interval_quantiles(days, censored_at, levels)
+    rows = [Statistic("quantile", p, e) for p, e in zip(levels, quantiles, strict=True)]
     return [*rows, Statistic("restricted_mean", None, restricted_mean(days, censored_at))]
 
 

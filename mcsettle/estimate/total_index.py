@@ -72,9 +72,9 @@ def total_order(shares: np.ndarray, scores: np.ndarray) -> TotalOrder:
     for block in np.array_split(np.arange(len(inputs)), min(BLOCKS, len(inputs))):
         kept = np.setdiff1d(np.arange(len(inputs)), block)
         grid = np.ix_(kept, kept)
-        own = values[kept] - np.mean(values[kept], axis=0)
+        centred = values[kept] - np.mean(values[kept], axis=0)
         few = [part[grid] for part in parts]
-        left.append(_shares_of_parts(few, _inverse(kernel[grid]) @ own))
+        left.append(_shares_of_parts(few, _inverse(kernel[grid]) @ centred))
     error = np.sqrt((len(left) - 1) * np.var(np.array(left), axis=0))
     # What the spline does not follow belongs to some input: half of it, at worst, to the wrong one.
     error = np.hypot(error, 0.5 * (1.0 - explained) * np.sqrt(whole * (1.0 - whole)))
@@ -119,10 +119,10 @@ def _learnt(kernels: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, float]
         return value, np.append(rise, nugget * np.trace(slope))
 
     start = np.append(np.full(n_inputs, np.log(5.0)), np.log(1e-3))
-    found = optimize.minimize(
+    optimum = optimize.minimize(
         cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60}
     )
-    return np.exp(found.x[:-1]), float(np.exp(found.x[-1]))
+    return np.exp(optimum.x[:-1]), float(np.exp(optimum.x[-1]))
 
 
 def _parts(inputs: np.ndarray, theta: np.ndarray) -> list[np.ndarray]:
@@ -133,8 +133,8 @@ def _parts(inputs: np.ndarray, theta: np.ndarray) -> list[np.ndarray]:
     for column, own in zip(inputs.T, theta, strict=True):
         at_nodes = own * _kernel(column, nodes)
         factors.append(1.0 + (at_nodes * weights) @ at_nodes.T)
-    found = _products_without(np.array(factors))
-    return [found[0] * factors[0] - 1.0, *(one - 1.0 for one in found)]
+    without = _products_without(np.array(factors))
+    return [without[0] * factors[0] - 1.0, *(one - 1.0 for one in without)]
 
 
 def _shares_of_parts(parts: list[np.ndarray], coefficients: np.ndarray) -> np.ndarray:

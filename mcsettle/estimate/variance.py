@@ -120,21 +120,23 @@ def first_order(inputs: np.ndarray, scores: np.ndarray) -> list[tuple[float, flo
     """
     total = total_variance(scores)
     means = np.mean(scores, axis=1)
-    found = []
+    indices = []
     for column in np.asarray(inputs, dtype=float).T:
         bins = _bins(column)
         sizes = np.bincount(bins).astype(float)
         sums = np.bincount(bins, weights=means)
-        own = np.eye(len(sizes))[bins]  # [E, bins], to leave out one set at a time
+        of_bin = np.eye(len(sizes))[bins]  # [E, bins], to leave out one set at a time
         square = np.sum(means**2) - np.append(0.0, means**2)
         left = _between_bins(
-            np.vstack([sizes, sizes - own]), np.vstack([sums, sums - own * means[:, None]]), square
+            np.vstack([sizes, sizes - of_bin]),
+            np.vstack([sums, sums - of_bin * means[:, None]]),
+            square,
         )
         jackknife = (len(means) - 1) * np.var(left[1:])
         evenness = float(_scatter(sizes, sums, square[0])[0])
         error = np.sqrt(jackknife + evenness**2)
-        found.append((float(left[0] / total), float(error / total)))
-    return found
+        indices.append((float(left[0] / total), float(error / total)))
+    return indices
 
 
 def total_variance(scores: np.ndarray) -> float:

@@ -263,9 +263,9 @@ def exact_growth(case: Case) -> Growth:
     ) -> tuple[np.ndarray, np.ndarray]:
         change, uniform = np.zeros_like(amplitudes), np.zeros(len(amplitudes))
         for s, load in enumerate(loads):
-            own = weights[:, s * n_groups : (s + 1) * n_groups]
+            of_service = weights[:, s * n_groups : (s + 1) * n_groups]
             factors = None if fields is None else load.strain_factors(fields)
-            grown = pointwise_growth(load, np.arange(load.n_axles), amplitudes, own, factors)
+            grown = pointwise_growth(load, np.arange(load.n_axles), amplitudes, of_service, factors)
             change, uniform = change + grown[0], uniform + grown[1]
         return (change if case.following is None else change * case.following), uniform
 

@@ -50,9 +50,9 @@ class Clock:
         """Growth of the cycle functions per day [R, E] at ``day`` [R] (the function of this name)."""
         model, cycles = self.model, self.cycles(day, ground_days, ballast_days)
         rates = np.empty_like(cycles)
-        for law, own in self.laws:
-            found = cycle_rate(law, cycles[own], long_run_rate(law, model))
-            rates[own] = found * self.trains[own, None]
+        for law, of_law in self.laws:
+            rate = cycle_rate(law, cycles[of_law], long_run_rate(law, model))
+            rates[of_law] = rate * self.trains[of_law, None]
         return np.ascontiguousarray(rates.T) * (model.settlement_factor * model.cycles_per_passage)
 
 

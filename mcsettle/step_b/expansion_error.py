@@ -33,7 +33,7 @@ def expansion_error(case: Case, amplitudes: np.ndarray, support: Support = ALIKE
     n_groups, pairs = len(case.model.group_laws), case.mode_pairs
     errors, sizes = [], []
     for s, transfer in enumerate(case.transfers):
-        own = weights[:, s * n_groups : (s + 1) * n_groups]
+        of_service = weights[:, s * n_groups : (s + 1) * n_groups]
         middle = 4 * (len(transfer.quasi_static) // 8)
         axles = np.arange(middle, min(middle + 4, len(transfer.quasi_static)))
         form = VaryingForm(
@@ -42,12 +42,12 @@ def expansion_error(case: Case, amplitudes: np.ndarray, support: Support = ALIKE
             case.following,
             case.first_mode,
         )
-        fast, _ = varying_growth(form, amplitudes, own, pairs, support.fields)
+        fast, _ = varying_growth(form, amplitudes, of_service, pairs, support.fields)
         local = _local(case, support, len(amplitudes))
         slow = np.stack(
             [
                 sum(_growth(case, transfer, int(axle), u, w, h) for axle in axles)
-                for u, w, h in zip(amplitudes, own, local, strict=True)
+                for u, w, h in zip(amplitudes, of_service, local, strict=True)
             ]
         )
         share = len(transfer.quasi_static) / len(axles)

@@ -94,21 +94,21 @@ def pointwise_load(
     beside = np.zeros((n_groups, len(modes)), dtype=complex), np.zeros(n_groups)
     for j in range(len(transfer.quasi_static)):
         if parts is None:
-            own, rest = (axle := _axle(transfer, model, j, tolerance))[0], axle[1:]
-            ends = [-1] * len(own)
+            of_axle, rest = (axle := _axle(transfer, model, j, tolerance))[0], axle[1:]
+            ends = [-1] * len(of_axle)
         else:
-            own, ends, rest = [], [], beside
+            of_axle, ends, rest = [], [], beside
             for part, groups in enumerate(parts.groups):
                 more = _part(transfer, model, j, tolerance, groups)
-                own, ends = own + more, ends + [-1] * (len(more) - 1) + [part]
-        axles.append((own, *rest))
+                of_axle, ends = of_axle + more, ends + [-1] * (len(more) - 1) + [part]
+        axles.append((of_axle, *rest))
         closes += ends
-    transforms = [transform for own, _, _ in axles for transform in own]
+    transforms = [transform for of_axle, _, _ in axles for transform in of_axle]
     kind, law, mean, f, h = (np.array(part) for part in zip(*transforms, strict=True))
     above, below = 0.5 * (f + 1j * h), 0.5 * (f - 1j * h)
     linear = np.stack([part for _, part, _ in axles])
     return PointwiseLoad(
-        start=np.cumsum([0] + [len(own) for own, _, _ in axles]).astype(np.int32),
+        start=np.cumsum([0] + [len(of_axle) for of_axle, _, _ in axles]).astype(np.int32),
         kind=kind.astype(np.int32),
         law=law,
         mean=mean,
@@ -236,14 +236,14 @@ def _depths(
     law = (float(c.max()), exponent)
     ratio = (c / c.max()) ** (1.0 / exponent)
     p, s = ratio * p, ratio[:, None] * s
-    found: list[Transform] = []
+    transforms: list[Transform] = []
     for z in range(0, len(c), 2):
         for i, kind in enumerate((BEGIN, NEXT)):
             means = (p[0, z + i], p[1, z + i])
-            found.append(((kind, group, group), law, means, s[0, z + i], s[1, z + i]))
+            transforms.append(((kind, group, group), law, means, s[0, z + i], s[1, z + i]))
         means = (p[2, z], p[2, z + 1])
-        found.append(((FINISH, group, group), law, means, s[2, z], s[2, z + 1]))
-    return found
+        transforms.append(((FINISH, group, group), law, means, s[2, z], s[2, z + 1]))
+    return transforms
 
 
 def pointwise_growth(

@@ -169,8 +169,8 @@ def _runs(
     if any(engine.growth is not every[0].growth for engine in every):
         none = np.zeros(0)
         return {key: e.run(amplitudes, none, support=support) for key, e in engines.items()}
-    found = every[0].run_flagged([engine.case for engine in every], amplitudes, support)
-    return dict(zip(engines, found, strict=True))
+    outcomes = every[0].run_flagged([engine.case for engine in every], amplitudes, support)
+    return dict(zip(engines, outcomes, strict=True))
 
 
 def _total_weights(case: Case, days: np.ndarray) -> np.ndarray:

@@ -71,9 +71,9 @@ def varying_growth(
     change, uniform = growth(form, u, weights, pairs)
     for f, multiplier in enumerate(varying.multipliers):
         assert fields is not None
-        own, n = weights * multiplier, u.shape[1]
-        settled, load = growth(form, u, own, pairs)
-        half = 0.5 * settled_beside(form, u, own, pairs)
+        of_field, n = weights * multiplier, u.shape[1]
+        settled, load = growth(form, u, of_field, pairs)
+        half = 0.5 * settled_beside(form, u, of_field, pairs)
         half[:, varying.first - 1 : varying.first - 1 + n] = 0.5 * settled
         more, raised = _spread(fields[:, f], load, half, varying.first, n)
         change, uniform = change + more, uniform + raised

@@ -42,7 +42,6 @@ class RunInputs:
     extent: Extent
     sets: list[ParameterSet]
     central: ParameterSet
-    transfers: TransferStore | None
     predicts_grounds: bool
     effects: tuple[tuple[str, str], ...]
     observations: tuple[Observation, ...]
@@ -50,6 +49,7 @@ class RunInputs:
     units: dict[str, str]
     toml: str
     files: Mapping[str, Path]
+    transfers: TransferStore | None
 
 
 def run_inputs(study: Study) -> RunInputs:
@@ -74,7 +74,6 @@ def run_inputs(study: Study) -> RunInputs:
         extent=extent_of(study),
         sets=sets,
         central=central,
-        transfers=transfer_store(study) if study.nested else None,
         predicts_grounds=study.nested and study.predicts_grounds,
         effects=tuple((e.baseline, e.scenario) for e in study.effects.values()),
         observations=study.observations,
@@ -85,6 +84,7 @@ def run_inputs(study: Study) -> RunInputs:
         units=input_units(study),
         toml=resolved_toml(study, {key: stored for key, (stored, _) in files.items()}),
         files=dict(files.values()),
+        transfers=transfer_store(study) if study.nested else None,
     )
 
 
