@@ -39,6 +39,7 @@ SLOW = {
     "docs/guide/running.md",
     "docs/guide/start.md",
     "docs/guide/tables.md",
+    "docs/real-input.md",
     "studies/README.md",
 }
 PAGES = sorted(
