@@ -121,7 +121,7 @@ def _softened(
         speed * KMH,
         DEPTH,
         settings=ground.softening,
-        progress=lambda done, text: print(f"    {done}: {text}", flush=True),
+        progress=lambda stage, done, total: print(f"    {stage}: {done}/{total}", flush=True),
         frame=frame,
         start=start,
     )
