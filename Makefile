@@ -50,7 +50,7 @@ paper: study
 	$(BIN)/mcsettle run studies/charges.toml --out $(RESULTS)/charges
 	$(BIN)/mcsettle run studies/linespeed_uncertain.toml --out $(RESULTS)/linespeed_uncertain
 	$(BIN)/mcsettle run studies/traffic_uncertain.toml --out $(RESULTS)/traffic_uncertain
-	$(BIN)/python studies/paper_tables.py $(RESULTS)/linespeed $(RESULTS)/traffic $(RESULTS)/charges \
+	$(BIN)/python studies/paper_tables.py --factors $(RESULTS)/linespeed $(RESULTS)/traffic $(RESULTS)/charges \
 	    $(RESULTS)/linespeed_uncertain $(RESULTS)/traffic_uncertain
 	$(BIN)/python studies/gallery.py
 

@@ -1,10 +1,11 @@
 """Small tables of finished runs, and the pages that quote them: each number has one source.
 
-python studies/paper_tables.py results/linespeed results/traffic results/charges \
+python studies/paper_tables.py --factors results/linespeed results/traffic results/charges \
     results/linespeed_uncertain results/traffic_uncertain
 
-writes ``docs/tables/NAME.csv`` for each folder, then renews the generated tables of the pages and the
-numbers in the sentences of ``docs/tables/quoted.toml``. Without folders only the pages are renewed.
+writes ``docs/tables/NAME.csv`` for each folder, and with --factors ``docs/tables/factors.csv``, the
+fitted settlement factors with their Monte Carlo error; then renews the generated tables of the pages and
+the numbers in the sentences of ``docs/tables/quoted.toml``. Without arguments only the pages are renewed.
 """
 
 import csv
@@ -15,8 +16,11 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from mcsettle.analysis.calibration import calibrate
 from mcsettle.estimate.rounding import NOT_REACHED, decimals, is_error, number, with_error
 from mcsettle.report.words import percentile
+from mcsettle.step_a.processes import cores
+from mcsettle.study.study import load_study
 from mcsettle.summary.answers import answers
 from mcsettle.summary.results import Results, read_results
 from mcsettle.summary.summary import summary_rows
@@ -27,6 +31,7 @@ MEDIAN = ("p50", "error", "p50_low", "p50_high")
 NUMBERS = ("p5", *MEDIAN, "p95", "mean", "mean_low", "mean_high", "published")
 OTHERS = ("at", "n", "factor", "settles", "shortens", "sign")
 COLUMNS = ("variant", "scenario", "metric", *NUMBERS, *OTHERS)
+FITTED = ("calibrated", "linear")
 METRICS = {
     "tamping_interval_days": "days",
     "sd_growth_1y_mm": "SD growth in a year, mm",
@@ -100,6 +105,21 @@ def _signs(results: Results) -> Iterator[list[object]]:
                 }
                 row |= {"p5": f"{low:.6g}", "p50": f"{middle:.6g}", "p95": f"{high:.6g}"}
                 yield [(row | {"n": len(tracks)}).get(column, "") for column in COLUMNS]
+
+
+def factor_table() -> str:
+    """The CSV text of the factors that put the median of ``FITTED`` variants at the published days."""
+    study = load_study(ROOT / "studies" / "linespeed.toml")
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    for variant in FITTED:
+        fit = calibrate(study, "v201", 697.0, variant, processes=cores())
+        ends = {"p50_low": fit.factor_low, "p50_high": fit.factor_high}
+        values = {key: f"{end:.6g}" for key, end in {"p50": fit.factor, **ends}.items() if end}
+        key = {"variant": variant, "scenario": "v201", "metric": "settlement_factor"}
+        writer.writerow({**key, **values, "n": fit.realisations})
+    return stream.getvalue()
 
 
 def read_table(name: str) -> Table:
@@ -205,8 +225,10 @@ def renewed(page: str, text: str) -> str:
 
 def main() -> None:
     """Tables of the folders named, then the pages."""
-    for folder in map(Path, sys.argv[1:]):
-        TABLES.mkdir(exist_ok=True)
+    TABLES.mkdir(exist_ok=True)
+    if "--factors" in sys.argv:
+        (TABLES / "factors.csv").write_text(factor_table(), encoding="utf-8")
+    for folder in map(Path, (argument for argument in sys.argv[1:] if argument != "--factors")):
         text = table_of(read_results(folder))
         (TABLES / f"{folder.name}.csv").write_text(text, encoding="utf-8")
     for page in dict.fromkeys([*PAGES, *(quote["page"] for quote in quotes())]):
