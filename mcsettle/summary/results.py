@@ -9,7 +9,7 @@ import pandas as pd
 
 from mcsettle.errors import InputError
 from mcsettle.estimate.conditioning import Conditioning, InputBand
-from mcsettle.estimate.estimate import LEVELS
+from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
 from mcsettle.estimate.weighted_quantiles import weighted_quantiles
 from mcsettle.storage import manifest, store
 from mcsettle.storage.location import Folder, Place, Where, place
@@ -38,6 +38,7 @@ class Results:
     effects: pd.DataFrame
     weights: pd.DataFrame = field(default_factory=pd.DataFrame)
     sign_split: pd.DataFrame = field(default_factory=pd.DataFrame)
+    summary: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @cached_property
     def members(self) -> list[ParameterSet]:
@@ -82,6 +83,30 @@ class Results:
     def of_variant(self, variant: str) -> pd.DataFrame:
         """Rows of ``realisations`` of one variant."""
         return self._by_variant.get(variant, self.realisations.iloc[:0])
+
+    @cached_property
+    def _statistics(self) -> dict[tuple[str, ...], list[Statistic]]:
+        if self.summary.empty:
+            return {}
+        found: dict[tuple[str, ...], list[Statistic]] = {}
+        for row in self.summary.astype(object).where(self.summary.notna(), None).itertuples():
+            estimate = Estimate(
+                *(row.value, row.lo, row.hi, row.standard_error, int(row.n), int(row.n_censored)),
+                *(row.unit, row.note or ""),
+            )
+            key = row.variant, row.scenario, row.baseline or "", row.metric
+            one = Statistic(row.statistic, row.level, estimate, row.subject or "")
+            found.setdefault(key, []).append(one)
+        return found
+
+    def statistics(
+        self, variant: str, scenario: str, baseline: str, metric: str
+    ) -> list[Statistic]:
+        """What the run's own table ``summary`` says of a metric; empty where it does not."""
+        others = (e for e in self.study.effects.values() if e.scenario == scenario)
+        if sum(e.baseline == baseline for e in others) > 1:  # its rows do not tell them apart
+            return []
+        return self._statistics.get((variant, scenario, baseline, metric), [])
 
     def input_bands(self, variant: str) -> list[InputBand]:
         """What the observations leave of every uncertain input in ``variant``; empty without."""
@@ -148,9 +173,10 @@ def read_results(folder: Where, finished: bool = True, prices_only: bool = False
         The folder does not exist, holds no finished run, or a file of it is damaged or missing.
     """
     at = folder_of_run(folder, finished)
-    wanted = ("realisations", "history", "effects", "weights", "sign_split")
+    wanted = ("realisations", "history", "effects", "weights", "sign_split", "summary")
     study = study_of(at)
-    spared = ("history", "sign_split") if prices_only and not study.observed else ()
+    spared = ("history", "sign_split", "summary") if prices_only and not study.observed else ()
+    spared = spared if finished else (*spared, "summary")  # of a smaller run, maybe
     realisations, *others = (
         pd.DataFrame() if name in spared else _table(at, name) for name in wanted
     )

@@ -6,7 +6,7 @@ inputs, between parameter sets; the standard error is what a larger sample would
 has observations, the same numbers with the parameter sets weighted by them stand beside (``observed``).
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +37,8 @@ from mcsettle.summary.spread import effect_spread, interval_spread
 from mcsettle.units import DAYS_PER_YEAR
 
 GROWTH = "sd_growth_1y_mm"
+STATISTICS = ("quantile", "mean", "restricted_mean")  # of a row itself; others are of its spread
+CONDITIONED = "conditioned_"  # begins the name of a statistic given the observations
 
 
 @dataclass(frozen=True)
@@ -98,17 +100,8 @@ def _rows_of(
     table = results.part("realisations", variant, scenario)
     if table.empty or (table["status"] == "failed").all():
         return
-    sample = interval_sample(table)
-
-    def spread(days: CrossedSample) -> list[Statistic]:
-        return interval_spread(results.study, results.members, table, days)
-
-    statistics = tuple(sample.interval_statistics())
-    row = SummaryRow(variant, scenario, INTERVAL, "d", statistics, spread=tuple(spread(sample)))
-    if weights is not None:
-        conditioned = sample.weighted(as_interval(weights))
-        given = [*conditioned.interval_statistics(), *spread(conditioned)]
-        row = replace(row, conditioned=_renamed(given))
+    row = SummaryRow(variant, scenario, INTERVAL, "d", ())
+    row = _kept(results, row) or _interval_row(results, row, table, weights)
     sound = table[table["status"] != "failed"]
     # A censored interval lies above any published value.
     days = np.nan_to_num(floats(sound, INTERVAL), nan=np.inf, posinf=np.inf)
@@ -118,6 +111,34 @@ def _rows_of(
         if effect.scenario == scenario:
             yield from tonnage_rows(results, variant, effect)
             yield from _effect_rows(results, variant, effect, weights)
+
+
+def _kept(results: Results, row: SummaryRow) -> SummaryRow | None:
+    """The row with what the run's own table says of it; None where that has no such row."""
+    kept = results.statistics(row.variant, row.scenario, row.baseline, row.metric)
+    if not kept:
+        return None
+    conditioned = tuple(s for s in kept if s.statistic.startswith(CONDITIONED))
+    own = tuple(s for s in kept if s.statistic in STATISTICS)
+    spread = tuple(s for s in kept if s not in (*conditioned, *own))
+    return replace(row, statistics=own, spread=spread, conditioned=conditioned)
+
+
+def _interval_row(
+    results: Results, row: SummaryRow, table: pd.DataFrame, weights: SetWeights | None
+) -> SummaryRow:
+    """Intervals of the rows of ``table``, what their spread consists of, and given the observations."""
+    sample = interval_sample(table)
+
+    def spread(days: CrossedSample) -> list[Statistic]:
+        return interval_spread(results.study, results.members, table, days)
+
+    row = replace(row, statistics=tuple(sample.interval_statistics()), spread=tuple(spread(sample)))
+    if weights is None:
+        return row
+    conditioned = sample.weighted(as_interval(weights))
+    given = [*conditioned.interval_statistics(), *spread(conditioned)]
+    return replace(row, conditioned=_renamed(given))
 
 
 def set_weights(results: Results, variant: str) -> SetWeights | None:
@@ -136,7 +157,7 @@ def set_weights(results: Results, variant: str) -> SetWeights | None:
 
 
 def _renamed(statistics: Iterable[Statistic]) -> tuple[Statistic, ...]:
-    return tuple(replace(s, statistic=f"conditioned_{s.statistic}") for s in statistics)
+    return tuple(replace(s, statistic=f"{CONDITIONED}{s.statistic}") for s in statistics)
 
 
 def _growth_rows(
@@ -179,10 +200,13 @@ def _growth_row(
     # Where the limit came first, growth is censored at the limit.
     end = np.where(np.isnan(growth), to_limit, np.nan)
     values, ends = matrices(table, (growth, end), results.sets)
-    sample = CrossedSample(values, "mm", ends)
-    row = SummaryRow(*key, "mm", _noted(sample, note))
-    if weights is not None:
-        row = replace(row, conditioned=_renamed(_noted(sample.weighted(weights), note)))
+    kept = _kept(results, SummaryRow(*key, "mm", ()))
+    if kept is None:
+        sample = CrossedSample(values, "mm", ends)
+        kept = SummaryRow(*key, "mm", _noted(sample, note))
+        if weights is not None:
+            kept = replace(kept, conditioned=_renamed(_noted(sample.weighted(weights), note)))
+    row = kept
     published = _reference(results.study, row.metric, row.scenario)
     if in_a_year and published is not None:  # growth to the limit and beyond lies above it
         growth = np.where(end > published.value, np.inf, growth)
@@ -234,9 +258,28 @@ def _effect_rows(
     table = table[~table["status"].isin(["failed", "at_limit"])]
     if table.empty:
         return
-    sides = [results.part("realisations", variant, n) for n in (effect.baseline, scenario)]
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": effect.change.unit}
-    samples = effect_samples(table, units, results.sets)
+    key = {"effect": effect.name, "baseline": effect.baseline}
+    rows = [SummaryRow(variant, scenario, m, unit, (), **key) for m, unit in units.items()]
+    kept = [row for row in (_kept(results, row) for row in rows) if row is not None]
+    if len(kept) < len(rows):
+        kept = _computed_effects(results, rows, effect, table, weights)
+    for row in kept:
+        yield _with_reference(results, row, table, floats(table, row.metric), weights)
+
+
+def _computed_effects(
+    results: Results,
+    rows: Sequence[SummaryRow],
+    effect: StudyEffect,
+    table: pd.DataFrame,
+    weights: Weights,
+) -> list[SummaryRow]:
+    """Rows of the metrics of an effect, from its pairs in ``table``."""
+    variant = rows[0].variant
+    names = effect.baseline, effect.scenario
+    sides = [results.part("realisations", variant, name) for name in names]
+    samples = effect_samples(table, {row.metric: row.unit for row in rows}, results.sets)
 
     def spreads(effects: Mapping[str, CrossedSample]) -> dict[str, list[Statistic]]:
         return effect_spread(results.study, results.members, effect, sides, effects)
@@ -247,17 +290,19 @@ def _effect_rows(
         of_metric = {"marginal_cost": priced}
         conditioned = {m: s.weighted(of_metric.get(m, weights)) for m, s in samples.items()}
     spread, given = spreads(samples), spreads(conditioned) if conditioned else {}
-    for metric, sample in samples.items():
-        row = SummaryRow(
-            *(variant, scenario, metric, sample.unit, tuple(sample.effect_statistics())),
+    found = []
+    for row in rows:
+        metric, sample = row.metric, samples[row.metric]
+        row = replace(
+            row,
+            statistics=tuple(sample.effect_statistics()),
             spread=tuple(spread.get(metric, ())),
-            effect=effect.name,
-            baseline=effect.baseline,
         )
         if conditioned:
             statistics = [*conditioned[metric].effect_statistics(), *given.get(metric, ())]
             row = replace(row, conditioned=_renamed(statistics))
-        yield _with_reference(results, row, table, floats(table, metric), weights)
+        found.append(row)
+    return found
 
 
 def cost_exponent(study: Study, baseline: np.ndarray) -> float:
