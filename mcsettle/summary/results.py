@@ -89,13 +89,13 @@ class Results:
         if self.summary.empty:
             return {}
         found: dict[tuple[str, ...], list[Statistic]] = {}
-        for row in self.summary.astype(object).where(self.summary.notna(), None).itertuples():
+        for row in self.summary.astype(object).where(self.summary.notna(), None).to_dict("records"):
             estimate = Estimate(
-                *(row.value, row.lo, row.hi, row.standard_error, int(row.n), int(row.n_censored)),
-                *(row.unit, row.note or ""),
+                *(row["value"], row["lo"], row["hi"], row["standard_error"]),
+                *(int(row["n"]), int(row["n_censored"]), row["unit"], row["note"] or ""),
             )
-            key = row.variant, row.scenario, row.baseline or "", row.metric
-            one = Statistic(row.statistic, row.level, estimate, row.subject or "")
+            key = row["variant"], row["scenario"], row["baseline"] or "", row["metric"]
+            one = Statistic(row["statistic"], row["level"], estimate, row["subject"] or "")
             found.setdefault(key, []).append(one)
         return found
 

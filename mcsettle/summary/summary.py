@@ -259,8 +259,10 @@ def _effect_rows(
     if table.empty:
         return
     units = {"reduction_percent": "%", "elasticity": "1", "marginal_cost": effect.change.unit}
-    key = {"effect": effect.name, "baseline": effect.baseline}
-    rows = [SummaryRow(variant, scenario, m, unit, (), **key) for m, unit in units.items()]
+    rows = [
+        SummaryRow(variant, scenario, m, unit, (), effect=effect.name, baseline=effect.baseline)
+        for m, unit in units.items()
+    ]
     kept = [row for row in (_kept(results, row) for row in rows) if row is not None]
     if len(kept) < len(rows):
         kept = _computed_effects(results, rows, effect, table, weights)
