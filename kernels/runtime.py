@@ -63,6 +63,13 @@ def start(threads: int | None = None, debug: bool = False) -> dict[str, object]:
     return dict(_started)
 
 
+def running(threads: int | None = None) -> int:
+    """Start Taichi; returns its threads. Where it runs already it keeps them: no result depends on it."""
+    with contextlib.suppress(RuntimeError):
+        start(threads)
+    return int(str(start()["threads"]))
+
+
 def version() -> str:
     """The runtime's version, as recorded in results."""
     return ".".join(str(part) for part in ti.__version__)

@@ -5,7 +5,6 @@ and parameter set; each shard is written whole or not at all, so an interrupted 
 stopped and the tables do not depend on batches, threads, slices or pauses.
 """
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -135,6 +134,8 @@ def prepare(
     InputError
         As ``run_study``.
     """
+    from mcsettle.kernels import runtime
+
     run, present = run_inputs(study), provenance_of(at)
     size = options.shard_size or (SHARD if present is None else present.shard_realisations)
     shards = slice_of(all_shards(run.extent, size), options.shards)
@@ -152,23 +153,16 @@ def prepare(
     job.remarks += surrogate_remarks(run.sets, training)
     refuse_smaller(at, job.complete, run.extent)
     todo = [shard for shard in shards if not (shard.name in job.complete and job.is_whole(shard))]
-    processes = worthwhile(job, todo)
+    processes = worthwhile(run.extent, run.stepping, todo, options)
     if start:
-        job.options = replace(options, threads=_started(1 if processes > 1 else options.threads))
+        job.options = replace(
+            options, threads=runtime.running(1 if processes > 1 else options.threads)
+        )
     store.prepare(at, provenance, finished=options.shards is not None and not todo)
     write_study(at, run, options.shards)
     if run.fitted:
         job.run = fit_sets(job, todo)
     return Prepared(job, central, todo, shards, processes)
-
-
-def _started(threads: int | None) -> int:
-    """Start Taichi; returns its threads. Where it runs already it keeps them: no result depends on it."""
-    from mcsettle.kernels import runtime
-
-    with suppress(RuntimeError):
-        runtime.start(threads)
-    return int(str(runtime.start()["threads"]))
 
 
 def refuse_foreign(at: Place, digest: str, seed: int) -> None:

@@ -13,12 +13,16 @@ import numpy as np
 
 from mcsettle.railway.scene import Scene
 from mcsettle.run.compute import BATCH
+from mcsettle.run.options import RunOptions
+from mcsettle.run.shards import all_shards
+from mcsettle.run.together import worthwhile
 from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Case, Support, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
 from mcsettle.step_b.cycles import update_weights
 from mcsettle.step_b.stepwise import Stepwise
+from mcsettle.storage.provenance import SHARD
 from mcsettle.study.extent import extent_of
 from mcsettle.study.study import Study
 from mcsettle.types import Progress, silent
@@ -64,6 +68,11 @@ def plan(
     ``passages``: axle passages of all realisations together.
     """
     extent, scenes = extent_of(study), study.scenes
+    options = RunOptions(threads=threads, processes=processes)
+    shards = all_shards(extent, SHARD)
+    n_processes = worthwhile(extent, study.run.stepping, shards, options)
+    if n_processes > 1:  # as the run will have it: Taichi keeps the threads it starts with
+        threads = 1
     prepared = step_a(scenes, progress, processes)
     probed = scenes[:: math.ceil(len(scenes) / MOST_PROBES)]
     n, rows = extent.realisations, extent.rows
@@ -85,7 +94,7 @@ def plan(
         batch=size,
         memory_mb=BASE_MB + size * (modes + 1) * 16 * STAGES / 1e6 + rows * 400 / 1e6,
         disk_mb=rows * (ROW_BYTES + SAMPLE_BYTES * len(study.sample_days)) / 1e6,
-        seconds=FIXED_SECONDS + float(seconds + SUMMARY_SECONDS) * rows,
+        seconds=FIXED_SECONDS + float(seconds / n_processes + SUMMARY_SECONDS) * rows,
     )
 
 
@@ -105,7 +114,7 @@ def _probe(
     profiles = scene.profiles.sample(tracks)
     support = support_of(scene, tracks, profiles)
     jump_side = "spectral" if scene.stepping != "cycle_jump" else scene.right_hand_side
-    runtime.start(threads)
+    runtime.running(threads)
     jump = CycleJump(case, jump_side)
     jump.run(profiles[:1], days, support=support[:1])  # compiled
     start = time.perf_counter()

@@ -12,9 +12,11 @@ from multiprocessing import parent_process
 
 from mcsettle.railway.scene import Scene
 from mcsettle.run.compute import Job, advance
+from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard
 from mcsettle.step_a.processes import Together, cores
 from mcsettle.step_a.transfers import StepA
+from mcsettle.study.extent import Extent
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.types import silent
 
@@ -22,12 +24,11 @@ WORTHWHILE = 16_384  # realisations; fewer are there before a process has starte
 MOST_SHARDS = 8  # of a task, for which the engine is made once
 
 
-def worthwhile(job: Job, todo: list[Shard]) -> int:
+def worthwhile(extent: Extent, stepping: str, todo: list[Shard], options: RunOptions) -> int:
     """How many processes, this one among them, are worth their start."""
-    run, options = job.run, job.options
     few = sum(len(shard.indices) for shard in todo) < WORTHWHILE
     # Sets of parameters have processes for their Step A; long marches fill all threads.
-    if few or run.extent.nested or run.stepping != "cycle_jump":
+    if few or extent.nested or stepping != "cycle_jump":
         return 1
     return min(options.processes, options.threads or cores(), len(list(_tasks(todo))))
 

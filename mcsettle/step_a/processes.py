@@ -70,7 +70,11 @@ class Together:
         process does the rest.
         """
         if self.pool is None:
-            return [function(*one) for one in arguments]
+            answers = []
+            for index, one in enumerate(arguments):
+                answers.append(function(*one))
+                told(index)
+            return answers
         futures = [self.pool.submit(function, *one) for one in arguments]
         results: dict[int, T] = {}
         untold = set(range(len(futures)))

@@ -199,9 +199,9 @@ def _growth_row(
     note = "the horizon comes before day 365" if early else "the limit comes first"
     # Where the limit came first, growth is censored at the limit.
     end = np.where(np.isnan(growth), to_limit, np.nan)
-    values, ends = matrices(table, (growth, end), results.sets)
     kept = _kept(results, SummaryRow(*key, "mm", ()))
     if kept is None:
+        values, ends = matrices(table, (growth, end), results.sets)
         sample = CrossedSample(values, "mm", ends)
         kept = SummaryRow(*key, "mm", _noted(sample, note))
         if weights is not None:

@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
 from mcsettle.cli.plan import plan_text
+from mcsettle.run import plan as plans
 from mcsettle.run.plan import is_long, plan
 from mcsettle.study.study import resolved_toml
 
@@ -48,3 +49,14 @@ def test_the_command_prints_json(tmp_path):
     assert json.loads(done.stdout)["rows"] == 60
     refused = CliRunner().invoke(app, ["plan", str(path), "--realisations", "99000000"])
     assert refused.exit_code == 2
+
+
+def test_a_plan_is_of_the_processes_that_the_run_will_have(monkeypatch):
+    """One thread each, and a share of the time: Taichi keeps the threads that the probe starts."""
+    asked = []
+    monkeypatch.setattr(plans, "_probe", lambda *given: asked.append(given[-1]) or (1.0, 10.0))
+    study = toy.study(run={"realisations": 20_000})
+    alone, both = (plan(study, 2, processes=n) for n in (1, 2))
+    assert asked == [2, 2, 1, 1]
+    rest = plans.FIXED_SECONDS + plans.SUMMARY_SECONDS * alone.rows
+    assert both.seconds - rest == pytest.approx(0.5 * (alone.seconds - rest))

@@ -16,7 +16,6 @@ from mcsettle.run.shards import all_shards
 from mcsettle.step_a import processes
 from mcsettle.storage.files import ASIDE, UNFINISHED
 from mcsettle.study.extent import extent_of
-from mcsettle.study.run_inputs import run_inputs
 
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 
@@ -50,6 +49,9 @@ def test_every_task_is_done_once_and_answers_stand_in_order(n):
     share = processes.Together(Instantly(n))
     assert share.map(ten_times, [(i,) for i in range(5)], told.append) == [0, 10, 20, 30, 40]
     assert sorted(done) == sorted(told) == [0, 1, 2, 3, 4]
+    told.clear()
+    assert processes.ALONE.map(ten_times, [(3,), (4,)], told.append) == [30, 40]
+    assert told == [0, 1]
 
 
 def test_an_error_in_another_process_is_raised_here():
@@ -93,10 +95,8 @@ def test_the_same_bytes_and_remarks_by_two_processes(tmp_path, monkeypatch):
 
 def test_only_large_runs_of_one_parameter_set_are_shared(monkeypatch):
     def n(study, **options) -> int:
-        job = together.Job(
-            run_inputs(study), None, None, RunOptions(**{"processes": 2, "threads": 2, **options})
-        )
-        return together.worthwhile(job, all_shards(extent_of(study), 4))
+        extent, chosen = extent_of(study), RunOptions(**{"processes": 2, "threads": 2, **options})
+        return together.worthwhile(extent, study.run.stepping, all_shards(extent, 4), chosen)
 
     small = toy.study(run={"realisations": 6})
     assert n(small) == 1
