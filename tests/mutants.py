@@ -8,6 +8,7 @@ source has moved on; exit code 1 but for killed. Package and tests are those of 
 changes meanwhile the rest is not run (exit code 2).
 """
 
+import contextlib
 import hashlib
 import importlib
 import json
@@ -52,7 +53,7 @@ def copy_of_the_package(folder: Path) -> None:
 def run(package: Path, tests: list[str], longest: float) -> tuple[int, str]:
     """Exit code and words of the tests on the package in this folder, in a child of this process.
 
-    Nothing that they start outlives a timeout.
+    Nothing that they start outlives them: a broken guard may leave processes behind.
     """
     with tempfile.TemporaryFile("w+") as told:
         pid = os.fork()
@@ -69,6 +70,8 @@ def run(package: Path, tests: list[str], longest: float) -> tuple[int, str]:
             if time.monotonic() > until:
                 os.killpg(pid, signal.SIGKILL)
             time.sleep(0.05)
+        with contextlib.suppress(ProcessLookupError):  # nobody is left
+            os.killpg(pid, signal.SIGKILL)
         told.seek(0)
         return os.waitstatus_to_exitcode(done[1]), told.read()
 
