@@ -20,7 +20,7 @@ from mcsettle.study.effects import StudyEffect
 from mcsettle.study.study import Study
 from mcsettle.summary.forms import FormEffect, FormsSummary, summarise_forms
 from mcsettle.summary.results import CENSORED, INTERVAL, Results
-from mcsettle.summary.samples import effect_samples, interval_sample, matrix
+from mcsettle.summary.samples import effect_samples, floats, interval_sample, matrix, shortening
 from mcsettle.summary.summary import cost_exponent, set_weights
 from mcsettle.units import DAYS_PER_YEAR
 
@@ -65,9 +65,11 @@ class Answers:
 
     def effects_of(self, scenario: str) -> list[tuple[str, FormEffect]]:
         """Baselines of ``scenario`` and its effects against them, in the form that stands first."""
-        own = (e for e in self.study.effects.values() if e.scenario == scenario)
-        found = ((e.baseline, self.effect(e.name)) for e in own)
-        return [(baseline, effect) for baseline, effect in found if effect is not None]
+        return [
+            (entry.baseline, effect)
+            for entry in self.study.effects.values()
+            if entry.scenario == scenario and (effect := self.effect(entry.name)) is not None
+        ]
 
 
 def answers(results: Results, variant: str | None = None) -> Answers:
@@ -92,9 +94,9 @@ def answers(results: Results, variant: str | None = None) -> Answers:
             if np.any(days[scenario].valid):
                 intervals[form, scenario] = _interval(table, days[scenario], weights)
         for name, effect in study.effects.items():
-            found = _effect(results, form, effect, days, weights)
-            if found is not None:
-                effects[form, name] = found
+            of_form = _effect(results, form, effect, days, weights)
+            if of_form is not None:
+                effects[form, name] = of_form
     compared = dict.fromkeys(name for _, name in effects)
     summaries = {
         name: summarise_forms(name, [effects[f, name] for f in counted if (f, name) in effects])
@@ -156,51 +158,23 @@ def _effect(
     units = {"marginal_cost": effect.change.unit, "reduction_percent": "%"}
     costs, reductions = effect_samples(table, units, results.sets).values()
     kept = np.isin(results.tracks(form, effect.baseline), np.unique(table["realisation"]))
-    pairs = _Pairs.of([days[n] for n in (effect.baseline, effect.scenario)], kept, costs.valid)
+    sides = [days[name] for name in (effect.baseline, effect.scenario)]
+    arrays = (*(side.values for side in sides), *(np.asarray(side.at_least) for side in sides))
+    pairs = [np.where(costs.valid, wide[:, kept], np.nan) for wide in arrays]
     if weights is not None:
         exponent = cost_exponent(results.study, days[effect.baseline].values)
         costs = costs.weighted(as_interval(weights, exponent))
         reductions = reductions.weighted(weights)
     sizes = costs.shares
-    bound = _at_most(results, effect.name, pairs, sizes) if np.any(costs.censored) else None
+    weight = np.where(costs.valid, sizes, 0.0)
+    bound = _at_most(results, effect.name, pairs, weight) if np.any(costs.censored) else None
+    surely, maybe = (float(np.sum(weight[s]) / np.sum(weight)) for s in shortening(*pairs))
     (reduction,) = _known_quantiles(reductions, (0.5,))
     low, middle, high = _known_quantiles(costs, BAND)
     return FormEffect(
-        *(form, _line_mean(costs), bound, (low, middle, high), reduction, pairs.shortening(sizes)),
+        *(form, _line_mean(costs), bound, (low, middle, high), reduction, (surely, maybe)),
         is_calibrated(results.study, form),
     )
-
-
-@dataclass(frozen=True)
-class _Pairs:
-    """Intervals of baseline and scenario [E, R] days, NaN where censored or not a pair; ends likewise."""
-
-    base: np.ndarray
-    days: np.ndarray
-    base_end: np.ndarray
-    end: np.ndarray
-    valid: np.ndarray
-
-    @classmethod
-    def of(cls, sides: Sequence[CrossedSample], kept: np.ndarray, valid: np.ndarray) -> "_Pairs":
-        """Pairs of baseline and scenario: the tracks ``kept`` of both, ``valid`` [E, R] of these."""
-        base, base_end, days, end = (
-            np.where(valid, wide[:, kept], np.nan)
-            for own in sides
-            for wide in (own.values, np.asarray(own.at_least))
-        )
-        return cls(base, days, base_end, end, valid)
-
-    def shortening(self, sizes: np.ndarray) -> tuple[float, float]:
-        """Least and largest share of the pairs whose interval shortens."""
-        latest = np.where(np.isnan(self.days), np.inf, self.days)
-        earliest = np.where(np.isnan(self.base), self.base_end, self.base)
-        surely = self.valid & (latest < earliest)
-        shortest = np.where(np.isnan(self.days), self.end, self.days)
-        longest = np.where(np.isnan(self.base), np.inf, self.base)
-        maybe = self.valid & (shortest < longest)
-        total = float(np.sum(sizes[self.valid]))
-        return float(np.sum(sizes[surely])) / total, float(np.sum(sizes[maybe])) / total
 
 
 def _line_mean(costs: CrossedSample) -> Estimate:
@@ -213,19 +187,24 @@ def _line_mean(costs: CrossedSample) -> Estimate:
     return replace(costs.section_mean(), n=n, n_censored=unknown, note=note)
 
 
-def _at_most(results: Results, effect: str, pairs: _Pairs, sizes: np.ndarray) -> float | None:
-    """Upper bound of the line's mean: every censored pair at the most it can cost."""
+def _at_most(
+    results: Results, effect: str, pairs: Sequence[np.ndarray], weights: np.ndarray
+) -> float | None:
+    """Upper bound of the line's mean: every censored pair at the most it can cost.
+
+    ``pairs``: as ``shortening`` takes them, [E, R] each; ``weights`` [E, R], zero where there is no pair.
+    """
     total, weight = 0.0, 0.0
-    for e, member in enumerate(results.members[: len(pairs.base)]):
+    rows = zip(results.members, *pairs, weights, strict=False)
+    for member, base, days, base_end, end, shares in rows:
         change, prices = member.study.change(effect), member.study.economics
         if change is None or prices is None:
             continue
         money = prices.tamping_cost_per_track_km, prices.discount_rate
-        arrays = pairs.base[e], pairs.days[e], pairs.base_end[e], pairs.end[e]
-        highest = economics.highest_costs(*arrays, change, *money)
-        valid = pairs.valid[e]
-        total += float(np.sum((sizes[e] * highest)[valid]))
-        weight += float(np.sum(sizes[e][valid]))
+        highest = economics.highest_costs(base, days, base_end, end, change, *money)
+        valid = shares > 0.0
+        total += float(np.sum((shares * highest)[valid]))
+        weight += float(np.sum(shares[valid]))
     return total / weight if weight > 0.0 and np.isfinite(total) else None
 
 
@@ -236,9 +215,9 @@ def _quantiles(
 
     Linear between order statistics in one complete sample, else the first value to reach the level.
     """
-    known = values[~np.isnan(values)]
-    if len(values) == 1 and len(known) and np.all(np.isfinite(known)):
-        quantiles = np.quantile(known, levels)
+    sample = values[~np.isnan(values)]
+    if len(values) == 1 and len(sample) and np.all(np.isfinite(sample)):
+        quantiles = np.quantile(sample, levels)
     else:
         quantiles = weighted_quantiles(values, shares, levels)
     return [float(value) if np.isfinite(value) else None for value in quantiles]
@@ -246,13 +225,13 @@ def _quantiles(
 
 def _known_quantiles(effect: CrossedSample, levels: Sequence[float]) -> list[float | None]:
     """Quantiles of an effect over the known pairs; None where the censored ones could be anything."""
-    low, high, known = (
+    low, high, plain = (
         _quantiles(values, effect.shares, levels)
         for values in (effect.lowest, effect.highest, effect.values)
     )
     if not effect.mostly_known:
         return [a if a == b else None for a, b in zip(low, high, strict=True)]
-    return [None if a is None or b is None else k for a, b, k in zip(low, high, known, strict=True)]
+    return [None if a is None or b is None else k for a, b, k in zip(low, high, plain, strict=True)]
 
 
 def _horizon_wanted(results: Results, form: str) -> float | None:
@@ -263,9 +242,8 @@ def _horizon_wanted(results: Results, form: str) -> float | None:
     """
     table = results.realisations
     table = table[(table["variant"] == form) & (table["status"] != "failed")]
-    days = table[INTERVAL].to_numpy(dtype=float, na_value=np.nan)
-    ends = table[CENSORED].to_numpy(dtype=float, na_value=np.nan)
-    start, final = (table[c].to_numpy(dtype=float) for c in ("sd_initial_mm", "sd_final_mm"))
+    columns = (INTERVAL, CENSORED, "sd_initial_mm", "sd_final_mm")
+    days, ends, start, final = (floats(table, column) for column in columns)
     with np.errstate(divide="ignore", invalid="ignore"):
         ahead = ends * (results.study.limit.sd_limit_mm - start) / (final - start)
     times = np.where(np.isnan(days), np.where(final > start, ahead, np.inf), days)

@@ -13,14 +13,15 @@ import numpy as np
 import pandas as pd
 
 from mcsettle.errors import InputError
+from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.sample import effect_quantile, interval_quantile
 from mcsettle.study.effects import StudyEffect
 from mcsettle.study.study import Study
 from mcsettle.study.written import study_data
-from mcsettle.summary.results import CENSORED, INTERVAL, Results
+from mcsettle.summary.results import CENSORED, INTERVAL, KEYS, Results
+from mcsettle.summary.samples import floats
 
-KEYS = ["parameter_set", "realisation"]
 SILENT = ("title", "reference", "calibration", "sources", "stated")
 
 
@@ -79,13 +80,10 @@ def compare(first: Results, second: Results) -> Comparison:
             f"{_names(scenes)} and {_names(sorted(others))}"
         )
     why = _why_unpaired(first.study, second.study)
-    rows = [
-        row
-        for variant, scenario in common
-        for row in _rows(
-            first, second, variant, scenario, not why and _same_spectrum(first, second, variant)
-        )
-    ]
+    rows: list[Row] = []
+    for variant, scenario in common:
+        paired = not why and _same_spectrum(first, second, variant)
+        rows += _rows(first, second, variant, scenario, paired)
     shared = 0 if why else _shared(first, second)
     only = [f"{v} {s}: only in the first" for v, s in scenes if (v, s) not in others]
     only += [f"{v} {s}: only in the second" for v, s in sorted(others) if (v, s) not in scenes]
@@ -106,11 +104,9 @@ def study_differences(first: Study, second: Study) -> Iterator[Difference]:
 def _rows(
     first: Results, second: Results, variant: str, scenario: str, paired: bool
 ) -> Iterator[Row]:
-    tables = [_sound(r.realisations, variant, scenario) for r in (first, second)]
+    tables = [results.sound(variant, scenario) for results in (first, second)]
     if not any(table.empty for table in tables):
-        medians = [
-            interval_quantile(_floats(t, INTERVAL), _floats(t, CENSORED), 0.5) for t in tables
-        ]
+        medians = [interval_quantile(floats(t, INTERVAL), floats(t, CENSORED), 0.5) for t in tables]
         change = _interval_change(*tables) if paired else ()
         yield Row(variant, scenario, INTERVAL, "d", medians[0], medians[1], "%", change)
     if first.effects.empty or second.effects.empty:
@@ -133,7 +129,7 @@ def _effect_rows(
     if any(part.empty for part in parts):
         return
     for metric, unit in (("reduction_percent", "%"), ("marginal_cost", effect.change.unit)):
-        medians = [effect_quantile(_floats(part, metric), 0.5, unit) for part in parts]
+        medians = [effect_quantile(floats(part, metric), 0.5, unit) for part in parts]
         change = _effect_change(parts[0], parts[1], metric, unit) if paired else ()
         yield Row(variant, effect.name, metric, unit, medians[0], medians[1], unit, change)
 
@@ -141,19 +137,16 @@ def _effect_rows(
 def _interval_change(first: pd.DataFrame, second: pd.DataFrame) -> tuple[Estimate, ...]:
     """Quantiles of 100 (T₂/T₁ − 1) [%] on the same tracks, bounded where one is censored."""
     both = first.merge(second, on=KEYS, suffixes=("_1", "_2"))
+    both = both[(floats(both, f"{INTERVAL}_1") != 0.0) & (floats(both, f"{INTERVAL}_2") != 0.0)]
     if both.empty:
         return ()
-    one, other = (_floats(both, f"{INTERVAL}_{i}") for i in (1, 2))
-    ends = [_floats(both, f"{CENSORED}_{i}") for i in (1, 2)]
-    positive = ~((one == 0.0) | (other == 0.0))
-    one, other, ends = one[positive], other[positive], [end[positive] for end in ends]
-    if not len(one):
-        return ()
-    values = 100.0 * (other / one - 1.0)
-    shortest = [np.where(np.isnan(d), e, d) for d, e in zip((one, other), ends, strict=True)]
-    longest = [np.where(np.isnan(d), np.inf, d) for d in (one, other)]
-    lower = 100.0 * (shortest[1] / longest[0] - 1.0)
-    upper = np.where(np.isinf(longest[1]), np.inf, 100.0 * (longest[1] / shortest[0] - 1.0))
+    one, other = (
+        CrossedSample(floats(both, f"{INTERVAL}_{i}"), "d", floats(both, f"{CENSORED}_{i}"))
+        for i in (1, 2)
+    )
+    values = 100.0 * (other.values / one.values - 1.0)
+    lower = 100.0 * (other.lowest / one.highest - 1.0)
+    upper = np.where(other.censored, np.inf, 100.0 * (other.highest / one.lowest - 1.0))
     return tuple(effect_quantile(values, p, "%", lower, upper) for p in (0.05, 0.5, 0.95))
 
 
@@ -164,7 +157,7 @@ def _effect_change(
     both = first.merge(second, on=KEYS, suffixes=("_1", "_2"))
     if both.empty:
         return ()
-    values = _floats(both, f"{metric}_2") - _floats(both, f"{metric}_1")
+    values = floats(both, f"{metric}_2") - floats(both, f"{metric}_1")
     return tuple(effect_quantile(values, p, unit) for p in (0.05, 0.5, 0.95))
 
 
@@ -188,15 +181,6 @@ def _same_spectrum(first: Results, second: Results, variant: str) -> bool:
 def _shared(first: Results, second: Results) -> int:
     one, other = (set(r.realisations["realisation"].unique()) for r in (first, second))
     return len(one & other)
-
-
-def _sound(table: pd.DataFrame, variant: str, scenario: str) -> pd.DataFrame:
-    own = (table["variant"] == variant) & (table["scenario"] == scenario)
-    return table[own & (table["status"] != "failed")]
-
-
-def _floats(table: pd.DataFrame, column: str) -> np.ndarray:
-    return table[column].to_numpy(dtype=float, na_value=np.nan)
 
 
 def _flat(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -4,19 +4,18 @@ import numpy as np
 import pandas as pd
 
 from mcsettle.estimate.observation import Course
-from mcsettle.summary.results import INTERVAL
-
-KEYS = ["parameter_set", "realisation"]
+from mcsettle.summary.results import INTERVAL, KEYS
+from mcsettle.summary.samples import floats
 
 
 def courses(variant: str, realisations: pd.DataFrame, history: pd.DataFrame) -> dict[str, Course]:
     """Courses of the tracks of one variant, by scenario."""
     rows = realisations[realisations["variant"] == variant]
-    recorded = history if history.empty else history[history["variant"] == variant]
+    if not history.empty:
+        history = history[history["variant"] == variant]
     return {
         str(scenario): _course(
-            of_scenario,
-            recorded if recorded.empty else recorded[recorded["scenario"] == scenario],
+            of_scenario, history if history.empty else history[history["scenario"] == scenario]
         )
         for scenario, of_scenario in rows.groupby("scenario", sort=False, observed=True)
     }
@@ -25,8 +24,8 @@ def courses(variant: str, realisations: pd.DataFrame, history: pd.DataFrame) -> 
 def _course(rows: pd.DataFrame, history: pd.DataFrame) -> Course:
     rows = rows.sort_values(KEYS)
     shape = rows["parameter_set"].nunique(), rows["realisation"].nunique()
-    days = rows[INTERVAL].to_numpy(dtype=float, na_value=np.nan)
-    days = np.where((rows["status"] == "censored").to_numpy(), np.inf, days).reshape(shape)
+    censored = (rows["status"] == "censored").to_numpy()
+    days = np.where(censored, np.inf, floats(rows, INTERVAL)).reshape(shape)
     if history.empty:
         nothing = np.full((*shape, 1), np.nan)
         return Course(days, nothing, nothing)

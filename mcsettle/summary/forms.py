@@ -115,5 +115,5 @@ def _of(part: int, n: int) -> str:
 
 
 def _range(values: Sequence[float | None]) -> tuple[float, float] | None:
-    known = [value for value in values if value is not None]
-    return (min(known), max(known)) if known and len(known) == len(values) else None
+    numbers = [value for value in values if value is not None]
+    return (min(numbers), max(numbers)) if numbers and len(numbers) == len(values) else None

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import xarray
 
 INTERVAL, CENSORED = "tamping_interval_days", "censored_at_days"  # columns of ``realisations``
+KEYS = ["parameter_set", "realisation"]  # columns that tell tracks apart
 
 
 @dataclass(frozen=True)
@@ -63,32 +64,29 @@ class Results:
             for name, table in tables.items()
         }
 
-    @cached_property
-    def _by_variant(self) -> dict[object, pd.DataFrame]:
-        return dict(iter(self.realisations.groupby("variant", sort=False, observed=True)))
-
     def part(self, table: str, variant: str, scenario: str) -> pd.DataFrame:
         """Rows of ``realisations``, ``history`` or ``effects`` of one variant and scenario."""
-        found = self._by_scenario[table].get((variant, scenario))
-        return getattr(self, table).iloc[:0] if found is None else found
+        nothing = getattr(self, table).iloc[:0]
+        return self._by_scenario[table].get((variant, scenario), nothing)
+
+    def sound(self, variant: str, scenario: str) -> pd.DataFrame:
+        """Rows of ``realisations`` of one variant and scenario that did not fail."""
+        table = self.part("realisations", variant, scenario)
+        return table[table["status"] != "failed"]
 
     def pairs(self, variant: str, effect: StudyEffect) -> pd.DataFrame:
         """Rows of ``effects`` of one variant and effect."""
-        found = self.part("effects", variant, effect.scenario)
+        table = self.part("effects", variant, effect.scenario)
         several = sum(other.scenario == effect.scenario for other in self.study.effects.values())
-        if found.empty or several == 1:
-            return found
-        return found[found["baseline"] == effect.baseline]
-
-    def of_variant(self, variant: str) -> pd.DataFrame:
-        """Rows of ``realisations`` of one variant."""
-        return self._by_variant.get(variant, self.realisations.iloc[:0])
+        if table.empty or several == 1:
+            return table
+        return table[table["baseline"] == effect.baseline]
 
     @cached_property
     def _statistics(self) -> dict[tuple[str, ...], list[Statistic]]:
         if self.summary.empty:
             return {}
-        found: dict[tuple[str, ...], list[Statistic]] = {}
+        statistics: dict[tuple[str, ...], list[Statistic]] = {}
         for row in self.summary.astype(object).where(self.summary.notna(), None).to_dict("records"):
             estimate = Estimate(
                 *(row["value"], row["lo"], row["hi"], row["standard_error"]),
@@ -96,8 +94,8 @@ class Results:
             )
             key = row["variant"], row["scenario"], row["baseline"] or "", row["metric"]
             one = Statistic(row["statistic"], row["level"], estimate, row["subject"] or "")
-            found.setdefault(key, []).append(one)
-        return found
+            statistics.setdefault(key, []).append(one)
+        return statistics
 
     def statistics(
         self, variant: str, scenario: str, baseline: str, metric: str
@@ -110,31 +108,32 @@ class Results:
 
     def input_bands(self, variant: str) -> list[InputBand]:
         """What the observations leave of every uncertain input in ``variant``; empty without."""
-        found = self.conditioning(variant)
-        if found is None or not found.usable:
+        weights = self.set_weights(variant)
+        if weights is None:
             return []
-        drawn = self.of_variant(variant).groupby("parameter_set").first()
-        columns = {e.input: drawn[input_column(e.input)] for e in self.study.uncertain}
-        return [
-            InputBand(
-                name,
-                *(
-                    tuple(
-                        weighted_quantiles(values.to_numpy(dtype=float), weights, LEVELS).tolist()
-                    )
-                    for weights in (np.ones(len(values)), found.weights)
-                ),
+        rows = self.realisations[self.realisations["variant"] == variant]
+        drawn, bands = rows.groupby("parameter_set").first(), []
+        for entry in self.study.uncertain:
+            values = drawn[input_column(entry.input)].to_numpy(dtype=float)
+            plain, given = (
+                tuple(weighted_quantiles(values, of_sets, LEVELS).tolist())
+                for of_sets in (np.ones(len(values)), weights)
             )
-            for name, values in columns.items()
-        ]
+            bands.append(InputBand(entry.input, plain, given))
+        return bands
 
     def conditioning(self, variant: str) -> Conditioning | None:
         """Weights of the parameter sets of ``variant`` given the observations; None without."""
         if self.weights.empty:
             return None
-        own = self.weights[self.weights["variant"] == variant].sort_values("parameter_set")
-        logs = own["log_likelihood"].to_numpy(dtype=float, na_value=-np.inf)
-        return Conditioning(variant, logs) if len(own) else None
+        rows = self.weights[self.weights["variant"] == variant].sort_values("parameter_set")
+        logs = rows["log_likelihood"].to_numpy(dtype=float, na_value=-np.inf)
+        return Conditioning(variant, logs) if len(rows) else None
+
+    def set_weights(self, variant: str) -> np.ndarray | None:
+        """Weights [E] that ``conditioning`` gives; None without, or if too few sets carry them."""
+        conditioning = self.conditioning(variant)
+        return conditioning.weights if conditioning is not None and conditioning.usable else None
 
     def to_xarray(self) -> "xarray.Dataset":
         """Intervals, SDs and effects over scenario, variant, parameter_set and realisation.
@@ -218,8 +217,8 @@ def study_of(folder: Where) -> Study:
     """
     at = place(folder)
     text = store.read_file(at, STUDY_FILE)
-    own = at.path.absolute() if isinstance(at, Folder) else None
-    return study_from_text(text, f"{at}/{STUDY_FILE}", own)
+    folder_here = at.path.absolute() if isinstance(at, Folder) else None
+    return study_from_text(text, f"{at}/{STUDY_FILE}", folder_here)
 
 
 def _former_columns(currency: str) -> dict[str, str]:

@@ -27,14 +27,30 @@ def beside(table: pd.DataFrame, other: pd.DataFrame, columns: Sequence[str]) -> 
     if other.empty:
         return [np.full(len(table), np.nan) for _ in columns]
     most = 1 + max(int(t["realisation"].max()) for t in (table, other))
-    own, others = (
+    wanted, others = (
         t["parameter_set"].to_numpy(dtype=int) * most + t["realisation"].to_numpy(dtype=int)
         for t in (table, other)
     )
     order = np.argsort(others, kind="stable")
-    place = np.minimum(np.searchsorted(others, own, sorter=order), len(order) - 1)
+    place = np.minimum(np.searchsorted(others, wanted, sorter=order), len(order) - 1)
     there = order[place]
-    return [np.where(others[there] == own, floats(other, c)[there], np.nan) for c in columns]
+    return [np.where(others[there] == wanted, floats(other, c)[there], np.nan) for c in columns]
+
+
+def shortening(
+    base: np.ndarray, days: np.ndarray, base_end: np.ndarray, end: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Whether the interval of each pair surely shortens, and whether it may.
+
+    ``base``, ``days``: intervals of baseline and scenario [days], NaN where censored, then at
+    ``base_end`` and ``end``; all of one shape. Neither of a pair that is NaN throughout.
+    """
+    latest, earliest = (
+        np.where(np.isnan(days), np.inf, days),
+        np.where(np.isnan(base), base_end, base),
+    )
+    shortest, longest = np.where(np.isnan(days), end, days), np.where(np.isnan(base), np.inf, base)
+    return latest < earliest, shortest < longest
 
 
 def matrices(
@@ -45,16 +61,16 @@ def matrices(
     ``columns``: their names, or numbers in the order of the rows. ``sets`` [E] of the run; a table
     from which failed rows are gone may lack some.
     """
-    own, row = np.unique(table["parameter_set"].to_numpy(dtype=int), return_inverse=True)
+    rows, row = np.unique(table["parameter_set"].to_numpy(dtype=int), return_inverse=True)
     tracks, track = np.unique(table["realisation"].to_numpy(dtype=int), return_inverse=True)
     if sets is not None:
-        own, row = sets, np.searchsorted(sets, own)[row]
-    found = []
+        rows, row = sets, np.searchsorted(sets, rows)[row]
+    matrices = []
     for column in columns:
-        wide = np.full((len(own), len(tracks)), np.nan)
+        wide = np.full((len(rows), len(tracks)), np.nan)
         wide[row, track] = floats(table, column) if isinstance(column, str) else column
-        found.append(wide)
-    return found
+        matrices.append(wide)
+    return matrices
 
 
 def matrix(table: pd.DataFrame, column: str, sets: np.ndarray | None = None) -> np.ndarray:
@@ -75,9 +91,9 @@ def effect_samples(
 
     ``table`` has the pairs of which neither failed; ``sets`` [E] are those of the run.
     """
-    found = matrices(table, (*units, np.ones(len(table))), sets)
-    paired = ~np.isnan(found.pop())
+    *effects, pairs = matrices(table, (*units, np.ones(len(table))), sets)
+    paired = ~np.isnan(pairs)
     return {
         metric: CrossedSample(values, unit, np.where(paired & np.isnan(values), -np.inf, np.nan))
-        for (metric, unit), values in zip(units.items(), found, strict=True)
+        for (metric, unit), values in zip(units.items(), effects, strict=True)
     }

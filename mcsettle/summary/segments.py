@@ -11,12 +11,13 @@ import numpy as np
 import pandas as pd
 
 from mcsettle.economics import perpetual_present_value
+from mcsettle.errors import InputError
 from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.weighted_quantiles import weighted_quantiles
-from mcsettle.storage import store
-from mcsettle.storage.location import Where, place
+from mcsettle.storage.location import Where
 from mcsettle.study.study import Study
-from mcsettle.summary.results import INTERVAL, study_of
+from mcsettle.summary.results import INTERVAL, read_results
+from mcsettle.summary.samples import beside
 from mcsettle.units import DAYS_PER_YEAR
 
 
@@ -62,50 +63,43 @@ def ground_report(
     InputError
         It is no finished run of a study with grounds.
     """
-    at = place(folder)
-    study = study_of(at)
+    results = read_results(folder, finished=False, prices_only=True)
+    study = results.study
+    if study.grounds_table is None:
+        raise InputError(
+            f"{folder} is of a study without [grounds]; 'mcsettle summarise' tells of it"
+        )
     variant = study.variant(variant or study.variant_names[0]).name
     scenario = study.scenario(scenario or study.scenario_names[0]).name
-    frame = _weighted(study, store.read(at, "realisations").to_pandas(), variant, scenario)
-    frame["marginal"] = _marginal(study, at, frame, variant, scenario)
+    frame = _weighted(study, results.part("realisations", variant, scenario).copy())
+    frame["marginal"] = np.nan
+    effect = next((e for e in study.effects.values() if e.scenario == scenario), None)
+    if effect is not None:
+        pairs = results.pairs(variant, effect)
+        (frame["marginal"],) = beside(frame, pairs, ("marginal_cost",))
     rows = [_row(name, part) for name, part in frame.groupby("segment", sort=False)]
     reasons = frame.loc[frame["status"] == "failed", "failure"].dropna().unique()
     return GroundReport(study, variant, scenario, tuple(rows), _row("line", frame), tuple(reasons))
 
 
-def _weighted(study: Study, frame: pd.DataFrame, variant: str, scenario: str) -> pd.DataFrame:
-    """Rows of one variant and scenario with segment, weight, days and cost."""
-    grounds = study.grounds()
-    frame = frame[(frame["variant"] == variant) & (frame["scenario"] == scenario)].copy()
-    own = [grounds[i] for i in frame["parameter_set"]]
+def _weighted(study: Study, frame: pd.DataFrame) -> pd.DataFrame:
+    """``frame``, rows of one variant and scenario, with segment, weight, days and cost."""
+    every = study.grounds()
+    grounds = [every[i] for i in frame["parameter_set"]]
     tracks = frame.groupby("parameter_set")["realisation"].transform("size")
-    frame["segment"] = [ground.segment for ground in own]
-    frame["weight"] = np.array([ground.probability for ground in own]) / tracks
+    frame["segment"] = [ground.segment for ground in grounds]
+    frame["weight"] = np.array([ground.probability for ground in grounds]) / tracks
     censored = frame["status"] == "censored"
     frame["days"] = frame[INTERVAL].astype(float).where(~censored, np.inf)
     priced = study.economics
     years = np.minimum(frame["days"].to_numpy(), study.limit.horizon_days) / DAYS_PER_YEAR
     cost = np.full(len(years), np.nan)
     if priced is not None:
-        known = years > 0.0
+        positive = years > 0.0
         money = priced.tamping_cost_per_track_km, priced.discount_rate
-        cost[known] = perpetual_present_value(*money, years[known])
+        cost[positive] = perpetual_present_value(*money, years[positive])
     frame["cost"] = cost
     return frame
-
-
-def _marginal(
-    study: Study, at: Where, frame: pd.DataFrame, variant: str, scenario: str
-) -> np.ndarray:
-    baseline = next((e.baseline for e in study.effects.values() if e.scenario == scenario), None)
-    if baseline is None:
-        return np.full(len(frame), np.nan)
-    effects = store.read(place(at), "effects").to_pandas()
-    pair = (effects["scenario"] == scenario) & (effects["baseline"] == baseline)
-    own = effects[(effects["variant"] == variant) & pair]
-    keys = ["parameter_set", "realisation"]
-    joined = frame[keys].merge(own[[*keys, "marginal_cost"]], on=keys, how="left")
-    return joined["marginal_cost"].to_numpy(float)
 
 
 def _row(name: object, part: pd.DataFrame) -> SegmentRow:
@@ -113,7 +107,7 @@ def _row(name: object, part: pd.DataFrame) -> SegmentRow:
     sound = part[~failed]
     n_failed = int(part.loc[failed, "parameter_set"].nunique())
     # Over the line each segment counts alike; what was not asked for is not known either.
-    known = float(sound["weight"].sum()) / part["segment"].nunique()
+    probability = float(sound["weight"].sum()) / part["segment"].nunique()
     nothing = (np.nan,) * len(LEVELS)
     if sound.empty:
         return SegmentRow(str(name), 0, n_failed, 0.0, nothing, nothing, np.nan, np.nan)
@@ -122,7 +116,7 @@ def _row(name: object, part: pd.DataFrame) -> SegmentRow:
         str(name),
         int(sound["parameter_set"].nunique()),
         n_failed,
-        known,
+        probability,
         tuple(weighted_quantiles(sound["days"].to_numpy(), weights, LEVELS).tolist()),
         tuple(weighted_quantiles(sound["cost"].to_numpy(), weights, LEVELS).tolist()),
         _mean(sound["cost"].to_numpy(), weights),
@@ -132,11 +126,11 @@ def _row(name: object, part: pd.DataFrame) -> SegmentRow:
 
 def _mean_of_most(values: np.ndarray, weights: np.ndarray) -> float:
     """Mean over the pairs with both intervals; NaN where most of the weight is of censored ones."""
-    known = np.isfinite(values)
-    most = 2.0 * float(np.sum(weights[known])) >= float(np.sum(weights))
+    finite = np.isfinite(values)
+    most = 2.0 * float(np.sum(weights[finite])) >= float(np.sum(weights))
     return _mean(values, weights) if most else np.nan
 
 
 def _mean(values: np.ndarray, weights: np.ndarray) -> float:
-    known = np.isfinite(values)
-    return float(np.average(values[known], weights=weights[known])) if known.any() else np.nan
+    finite = np.isfinite(values)
+    return float(np.average(values[finite], weights=weights[finite])) if finite.any() else np.nan

@@ -1,12 +1,14 @@
 """Why an effect has its sign: the table ``sign_split`` in numbers, and the share of shorter intervals."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mcsettle.estimate.estimate import Estimate, Statistic
 from mcsettle.estimate.sample import summarise_effects
 from mcsettle.study.effects import StudyEffect
 from mcsettle.summary.results import CENSORED, INTERVAL, Results
-from mcsettle.summary.samples import beside, floats
+from mcsettle.summary.samples import beside, floats, shortening
 from mcsettle.summary.summary import SummaryRow
 
 SHORTENS = "interval_shortens"
@@ -35,44 +37,30 @@ def sign_rows(results: Results) -> list[SummaryRow]:
     rows = []
     for variant in results.study.variant_names:
         for effect in results.study.effects.values():
-            own = of_pair.get((variant, effect.scenario, effect.baseline))
-            if own is None:
+            split = of_pair.get((variant, effect.scenario, effect.baseline))
+            if split is None:
                 continue
-            for metric, column, unit in SIGNS:
-                values = own[column].to_numpy(dtype=float, na_value=np.nan)
-                found = tuple(summarise_effects(values, unit))
-                rows.append(_row(variant, effect, metric, unit, found))
-            share = shortening(results, variant, effect.scenario, effect.baseline)
-            statistic = Statistic("share", None, share)
-            rows.append(_row(variant, effect, SHORTENS, "1", (statistic,)))
+            told = [(m, unit, summarise_effects(floats(split, c), unit)) for m, c, unit in SIGNS]
+            share = Statistic("share", None, _share(results, variant, effect))
+            for metric, unit, statistics in (*told, (SHORTENS, "1", [share])):
+                row = SummaryRow(variant, effect.scenario, metric, unit, tuple(statistics))
+                rows.append(replace(row, effect=effect.name, baseline=effect.baseline))
     return rows
 
 
-def _row(
-    variant: str, effect: StudyEffect, metric: str, unit: str, found: tuple[Statistic, ...]
-) -> SummaryRow:
-    named = effect.scenario, metric, unit, found
-    return SummaryRow(variant, *named, effect=effect.name, baseline=effect.baseline)
-
-
-def shortening(results: Results, variant: str, scenario: str, baseline: str) -> Estimate:
+def _share(results: Results, variant: str, effect: StudyEffect) -> Estimate:
     """Share of the pairs whose interval shortens, pooled over parameter sets.
 
     Limits are its least and largest value, censored pairs being unknown; no value where they differ.
     """
-    base, other = (
-        table[table["status"] != "failed"]
-        for table in (results.part("realisations", variant, n) for n in (baseline, scenario))
-    )
-    days, end = floats(base, INTERVAL), floats(base, CENSORED)
-    other_days, other_end = beside(base, other, (INTERVAL, CENSORED))
-    paired = ~np.isnan(other_days) | ~np.isnan(other_end)
-    days, end, other_days, other_end = (v[paired] for v in (days, end, other_days, other_end))
-    n, unknown = len(days), int(np.sum(np.isnan(days) | np.isnan(other_days)))
+    base, other = (results.sound(variant, side) for side in (effect.baseline, effect.scenario))
+    days, end = beside(base, other, (INTERVAL, CENSORED))
+    paired = ~np.isnan(days) | ~np.isnan(end)
+    arrays = floats(base, INTERVAL), days, floats(base, CENSORED), end
+    base_days, days, base_end, end = (array[paired] for array in arrays)
+    n, unknown = len(days), int(np.sum(np.isnan(base_days) | np.isnan(days)))
     if n == 0:
         return Estimate(None, None, None, None, 0, 0, "1", "no pairs")
-    least = np.nan_to_num(other_days, nan=np.inf) < np.where(np.isnan(days), end, days)
-    most = np.where(np.isnan(other_days), other_end, other_days) < np.nan_to_num(days, nan=np.inf)
-    low, high = float(np.mean(least)), float(np.mean(most))
+    low, high = (float(np.mean(part)) for part in shortening(base_days, days, base_end, end))
     note = "limits: least and largest share, censored pairs being unknown"
     return Estimate(low if low == high else None, low, high, None, n, unknown, "1", note)

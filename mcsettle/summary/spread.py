@@ -58,7 +58,7 @@ def effect_spread(
     ``sides`` are the rows of baseline and scenario in one variant, ``effects`` its paired effects by
     metric.
     """
-    base, other = (matrix(own, INTERVAL) for own in sides)
+    base, other = (matrix(side, INTERVAL) for side in sides)
     statistics = {
         metric: list(_split(study, members, sides[0], effects[metric]))
         for metric in ("reduction_percent", "marginal_cost")
@@ -108,8 +108,8 @@ def _split(
         note = f"of the variance of the {scale}"
         estimate = Estimate(index, *bounds, error, scores.size, n_censored, "1", note)
         yield Statistic("first_order_index", None, estimate, path)
-    own = [members[e] for e in sets_of(table)[kept].tolist()]
-    yield from _totals(own, paths, scores, scale, n_censored)
+    sets = [members[e] for e in sets_of(table)[kept].tolist()]
+    yield from _totals(sets, paths, scores, scale, n_censored)
 
 
 def _drawn(
@@ -144,13 +144,13 @@ def _totals(
 ) -> Iterator[Statistic]:
     """Total indices, not given where the spline through the sets does not follow them."""
     shares = np.array([[member.shares[path] for path in paths] for member in members])
-    found = total_order(shares, scores)
+    total = total_order(shares, scores)
     note = (
-        f"of the variance of the {scale}; a spline predicts {found.explained:.0%} of sets left out"
+        f"of the variance of the {scale}; a spline predicts {total.explained:.0%} of sets left out"
     )
-    for path, (index, error) in zip(paths, found.indices, strict=True):
+    for path, (index, error) in zip(paths, total.indices, strict=True):
         estimate = Estimate(None, None, None, None, scores.size, n_censored, "1", note)
-        if found.sound:
+        if total.sound:
             bounds = max(0.0, index - 1.96 * error), index + 1.96 * error
             estimate = Estimate(index, *bounds, error, scores.size, n_censored, "1", note)
         yield Statistic("total_index", None, estimate, path)
@@ -167,8 +167,8 @@ def line_lengths(record: Record | None) -> tuple[float, ...]:
     if record is None:
         return LENGTHS_KM
     parts = record.sections
-    own = float(f"{1e-3 * (parts.ends - parts.starts).sum() * parts.step:.3g}")
-    return (*(length for length in LENGTHS_KM if length < own), own)
+    whole = float(f"{1e-3 * (parts.ends - parts.starts).sum() * parts.step:.3g}")
+    return (*(length for length in LENGTHS_KM if length < whole), whole)
 
 
 def _pairing(base: np.ndarray, other: np.ndarray) -> list[Statistic]:
@@ -187,8 +187,8 @@ def _pairing(base: np.ndarray, other: np.ndarray) -> list[Statistic]:
         return [Statistic("pairing_gain", None, missing)]
     blocks = np.array_split(np.arange(n), min(n, 50))
     left = [_gain(np.delete(first, b), np.delete(second, b)) for b in blocks]
-    known = np.array([value for value in left if value is not None])
-    error = float(np.sqrt((len(known) - 1) * np.var(known))) if len(known) > 1 else None
+    gains = np.array([value for value in left if value is not None])
+    error = float(np.sqrt((len(gains) - 1) * np.var(gains))) if len(gains) > 1 else None
     dropped = int(np.sum(~both))
     return [
         Statistic("pairing_gain", None, Estimate(gain, None, None, error, n, dropped, "1")),
@@ -198,9 +198,9 @@ def _pairing(base: np.ndarray, other: np.ndarray) -> list[Statistic]:
 
 def _within_sets(days: np.ndarray) -> np.ndarray:
     """Logarithms of [E, R] days less their set's mean; the known ones, flat."""
-    known = ~np.isnan(days)
+    finite = ~np.isnan(days)
     logs = np.log(days)
-    rows = [row[ok] - np.mean(row[ok]) for row, ok in zip(logs, known, strict=True) if ok.any()]
+    rows = [row[ok] - np.mean(row[ok]) for row, ok in zip(logs, finite, strict=True) if ok.any()]
     return np.concatenate(rows)
 
 
@@ -239,5 +239,5 @@ def _cost_at_mean(
 
 
 def _is_identity(values: np.ndarray) -> bool:
-    known = values[~np.isnan(values)]
-    return len(known) == 0 or float(np.ptp(known)) <= 1e-6 * abs(float(np.mean(known)))
+    sample = values[~np.isnan(values)]
+    return len(sample) == 0 or float(np.ptp(sample)) <= 1e-6 * abs(float(np.mean(sample)))

@@ -73,6 +73,10 @@ class SummaryRow:
         """Name of the effect, or of the scenario."""
         return self.effect or self.scenario
 
+    def part(self, statistic: str) -> list[Statistic]:
+        """The statistics of one kind of its spread, such as ``line_mean``."""
+        return [s for s in self.spread if s.statistic == statistic]
+
     def at(self, level: float) -> Estimate:
         """The quantile at ``level`` (one of ``estimate.LEVELS``)."""
         return next(s.estimate for s in self.statistics if s.level == level)
@@ -119,9 +123,9 @@ def _kept(results: Results, row: SummaryRow) -> SummaryRow | None:
     if not kept:
         return None
     conditioned = tuple(s for s in kept if s.statistic.startswith(CONDITIONED))
-    own = tuple(s for s in kept if s.statistic in STATISTICS)
-    spread = tuple(s for s in kept if s not in (*conditioned, *own))
-    return replace(row, statistics=own, spread=spread, conditioned=conditioned)
+    statistics = tuple(s for s in kept if s.statistic in STATISTICS)
+    spread = tuple(s for s in kept if s not in (*conditioned, *statistics))
+    return replace(row, statistics=statistics, spread=spread, conditioned=conditioned)
 
 
 def _interval_row(
@@ -133,31 +137,37 @@ def _interval_row(
     def spread(days: CrossedSample) -> list[Statistic]:
         return interval_spread(results.study, results.members, table, days)
 
-    row = replace(row, statistics=tuple(sample.interval_statistics()), spread=tuple(spread(sample)))
     if weights is None:
-        return row
+        return _filled(row, sample.interval_statistics(), spread(sample))
     conditioned = sample.weighted(as_interval(weights))
     given = [*conditioned.interval_statistics(), *spread(conditioned)]
-    return replace(row, conditioned=_renamed(given))
+    return _filled(row, sample.interval_statistics(), spread(sample), given)
 
 
 def set_weights(results: Results, variant: str) -> SetWeights | None:
     """Weights of the parameter sets given the observations; None without, or if they collapse."""
-    found = results.conditioning(variant)
-    if found is None or not found.usable:
+    values = results.set_weights(variant)
+    if values is None:
         return None
     by_scenario = courses(variant, results.realisations, results.history)
     # What the tables do not have moved the weights through the fits alone.
     observations = tuple(o for o in results.study.observations if o.is_recorded)
     if not observations:
-        return SetWeights(found.weights)
+        return SetWeights(values)
     if variant in results.study.fitted:
-        return refitted_weights(observations, by_scenario, found.weights)
-    return replace(likelihood(observations, by_scenario).weights(), values=found.weights)
+        return refitted_weights(observations, by_scenario, values)
+    return replace(likelihood(observations, by_scenario).weights(), values=values)
 
 
-def _renamed(statistics: Iterable[Statistic]) -> tuple[Statistic, ...]:
-    return tuple(replace(s, statistic=f"{CONDITIONED}{s.statistic}") for s in statistics)
+def _filled(
+    row: SummaryRow,
+    statistics: Iterable[Statistic],
+    spread: Iterable[Statistic] = (),
+    given: Iterable[Statistic] = (),
+) -> SummaryRow:
+    """``row`` with its statistics; ``given`` the observations they bear that name."""
+    conditioned = tuple(replace(s, statistic=f"{CONDITIONED}{s.statistic}") for s in given)
+    return replace(row, statistics=tuple(statistics), spread=tuple(spread), conditioned=conditioned)
 
 
 def _growth_rows(
@@ -168,8 +178,8 @@ def _growth_rows(
     weights: Weights,
 ) -> Iterator[SummaryRow]:
     """Growth of the SD [mm] after a year and after the days the reference gives."""
-    own = input_column("limit.sd_limit_mm")  # where it differs between parameter sets
-    limit = floats(table, own) if own in table else results.study.limit.sd_limit_mm
+    column = input_column("limit.sd_limit_mm")  # where it differs between parameter sets
+    limit = floats(table, column) if column in table else results.study.limit.sd_limit_mm
     start = floats(table, "sd_initial_mm")
     growth, to_limit = floats(table, GROWTH), limit - start
     yield _growth_row(results, (variant, scenario, GROWTH), table, (growth, to_limit), weights)
@@ -203,27 +213,21 @@ def _growth_row(
     if kept is None:
         values, ends = matrices(table, (growth, end), results.sets)
         sample = CrossedSample(values, "mm", ends)
-        kept = SummaryRow(*key, "mm", _noted(sample, note))
-        if weights is not None:
-            kept = replace(kept, conditioned=_renamed(_noted(sample.weighted(weights), note)))
-    row = kept
-    published = _reference(results.study, row.metric, row.scenario)
+        given = () if weights is None else _noted(sample.weighted(weights), note)
+        kept = _filled(SummaryRow(*key, "mm", ()), _noted(sample, note), (), given)
+    published = _reference(results.study, kept.metric, kept.scenario)
     if in_a_year and published is not None:  # growth to the limit and beyond lies above it
         growth = np.where(end > published.value, np.inf, growth)
-    return _with_reference(results, row, table, growth, weights)
+    return _with_reference(results, kept, table, growth, weights)
 
 
 def _noted(growth: CrossedSample, note: str) -> tuple[Statistic, ...]:
     """Quantiles of SD growth; ``note`` says why one is not given."""
-    return tuple(
-        replace(
-            row,
-            estimate=replace(
-                row.estimate, unit="mm", note=note if row.estimate.value is None else ""
-            ),
-        )
-        for row in growth.certain_statistics()
-    )
+    noted = []
+    for row in growth.certain_statistics():
+        why = note if row.estimate.value is None else ""
+        noted.append(replace(row, estimate=replace(row.estimate, unit="mm", note=why)))
+    return tuple(noted)
 
 
 def tonnage_rows(results: Results, variant: str, effect: StudyEffect) -> Iterator[SummaryRow]:
@@ -236,11 +240,11 @@ def tonnage_rows(results: Results, variant: str, effect: StudyEffect) -> Iterato
     grown = [100.0 * (c.changed / c.base - 1.0) for c in changes if c and c.effect == "tonnage"]
     if not grown:
         return
-    found = weighted_quantiles(np.array(grown), np.ones(len(grown)), LEVELS)
+    quantiles = weighted_quantiles(np.array(grown), np.ones(len(grown)), LEVELS)
     n, note = len(grown), "from the timetable" if len(grown) == 1 else "from the loads drawn"
     rows = tuple(
         Statistic("quantile", p, Estimate(float(v), float(v), float(v), 0.0, n, 0, "%", note))
-        for p, v in zip(LEVELS, found, strict=True)
+        for p, v in zip(LEVELS, quantiles, strict=True)
     )
     row = SummaryRow(variant, effect.scenario, metric, "%", rows, published)
     yield replace(row, effect=effect.name, baseline=effect.baseline)
@@ -292,19 +296,14 @@ def _computed_effects(
         of_metric = {"marginal_cost": priced}
         conditioned = {m: s.weighted(of_metric.get(m, weights)) for m, s in samples.items()}
     spread, given = spreads(samples), spreads(conditioned) if conditioned else {}
-    found = []
+    filled = []
     for row in rows:
-        metric, sample = row.metric, samples[row.metric]
-        row = replace(
-            row,
-            statistics=tuple(sample.effect_statistics()),
-            spread=tuple(spread.get(metric, ())),
-        )
+        metric, of_given = row.metric, []
         if conditioned:
-            statistics = [*conditioned[metric].effect_statistics(), *given.get(metric, ())]
-            row = replace(row, conditioned=_renamed(statistics))
-        found.append(row)
-    return found
+            of_given = [*conditioned[metric].effect_statistics(), *given.get(metric, ())]
+        statistics = samples[metric].effect_statistics()
+        filled.append(_filled(row, statistics, spread.get(metric, ()), of_given))
+    return filled
 
 
 def cost_exponent(study: Study, baseline: np.ndarray) -> float:
@@ -327,11 +326,14 @@ def _with_reference(
     row = replace(row, reference=published)
     if published is None:
         return row
-    known = ~np.isnan(values)
-    if not np.any(known):
+    is_known = ~np.isnan(values)
+    if not np.any(is_known):
         return row
-    below = values[known] < published.value
-    least, unknown = float(np.mean(known & (values < published.value))), float(np.mean(~known))
+    below = values[is_known] < published.value
+    least, unknown = (
+        float(np.mean(is_known & (values < published.value))),
+        float(np.mean(~is_known)),
+    )
     row = replace(
         row,
         reference_percent=100.0 * float(np.mean(below)),
@@ -341,10 +343,10 @@ def _with_reference(
         return row
     of_sets = plain_weights(weights)
     assert of_sets is not None
-    own = of_sets[table["parameter_set"].to_numpy(dtype=int)][known]
-    if not np.sum(own) > 0.0:
+    weight = of_sets[table["parameter_set"].to_numpy(dtype=int)][is_known]
+    if not np.sum(weight) > 0.0:
         return row
-    return replace(row, conditioned_percent=100.0 * float(own @ below / np.sum(own)))
+    return replace(row, conditioned_percent=100.0 * float(weight @ below / np.sum(weight)))
 
 
 def _reference(

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import made_run
 import numpy as np
 import pandas as pd
 import pytest
@@ -152,6 +153,13 @@ def test_a_run_goes_on_and_reports_by_segment(folder: Path) -> None:
     assert picture.stat().st_size > 10_000
     told = runner.invoke(app, ["grounds", str(path), "--results", str(out), "--json"])
     assert json.loads(told.stdout)["line"]["known_probability"] == pytest.approx(0.85)
+
+
+def test_a_run_without_grounds_is_refused(tmp_path: Path) -> None:
+    days = np.linspace(500.0, 900.0, 5)
+    folder = made_run.write(tmp_path / "run", made_run.study(), {"v201": days, "v225": days})
+    with pytest.raises(InputError, match=r"without \[grounds\]"):
+        ground_report(folder)
 
 
 def test_the_spread_over_grounds_leaves_out_those_that_failed() -> None:
