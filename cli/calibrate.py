@@ -65,16 +65,16 @@ def factor_for_median(study: "Study", scenario: str, days: float, variant: str |
         raise InputError(f"--median-days is {days:g}; it must be positive and finite")
     from mcsettle.analysis.calibration import calibrate
 
-    found = calibrate(
+    calibration = calibrate(
         study, scenario, days, variant=variant, progress=Progress(), processes=cores()
     )
-    say("\n".join(calibration_lines(found)))
+    say("\n".join(calibration_lines(calibration)))
 
 
-def forecast_lines(found: Sequence["Prediction"]) -> Iterator[str]:
+def forecast_lines(predictions: Sequence["Prediction"]) -> Iterator[str]:
     """Predicted and observed SD of every day, as comments of TOML, and the coverage."""
     yield f"# {'day':>8} {'P5':>8} {'P50':>8} {'P95':>8} {'observed':>9}  mm"
-    for row in found:
+    for row in predictions:
         low, middle, high = row.quantiles
         said = "fitted to"
         if row.held_out:
@@ -82,7 +82,7 @@ def forecast_lines(found: Sequence["Prediction"]) -> Iterator[str]:
                 f"held out, {'inside' if row.inside else 'OUTSIDE'} (P{100 * row.percentile:.0f})"
             )
         yield f"# {row.day:>8g} {low:>8.3f} {middle:>8.3f} {high:>8.3f} {row.observed:>9.3f}  {said}"
-    held = [row for row in found if row.held_out]
+    held = [row for row in predictions if row.held_out]
     inside = sum(row.inside for row in held)
     yield f"# {inside} of {len(held)} held out lie inside the band of 90 %"
 
@@ -103,63 +103,60 @@ def factor_for_observations(
     if hold_out:
         from mcsettle.analysis.forecast import forecast
 
-        own = (study, scenario, rows, hold_out, variant, Progress(), cores())
-        say("\n".join(forecast_lines(forecast(*own))))
+        arguments = (study, scenario, rows, hold_out, variant, Progress(), cores())
+        say("\n".join(forecast_lines(forecast(*arguments))))
         rows = rows[:-hold_out]
-    found = infer_factor(study, scenario, rows, variant, progress=Progress(), processes=cores())
-    for warning in posterior_warnings(found):
+    posterior = infer_factor(study, scenario, rows, variant, progress=Progress(), processes=cores())
+    for warning in posterior_warnings(posterior):
         warn(f"warning: {warning}")
-    say("\n".join(posterior_lines(found)))
+    say("\n".join(posterior_lines(posterior)))
 
 
-def calibration_lines(found: Any) -> Iterator[str]:
+def calibration_lines(calibration: Any) -> Iterator[str]:
     """A calibration: the factor and what it belongs to as lines of TOML, and what was done."""
-    yield f"settlement_factor = {found.factor:.6g}"
-    yield f'factor_digest = "{found.factor_digest}"'
-    for field in dataclasses.fields(found):
+    yield f"settlement_factor = {calibration.factor:.6g}"
+    yield f'factor_digest = "{calibration.factor_digest}"'
+    for field in dataclasses.fields(calibration):
         if field.name not in ("factor", "factor_digest"):
-            yield f"# {field.name}: {_value(getattr(found, field.name))}"
+            value = getattr(calibration, field.name)
+            yield f"# {field.name}: {f'{value:.6g}' if isinstance(value, float) else value}"
 
 
-def _value(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def posterior_lines(found: "Posterior") -> Iterator[str]:
+def posterior_lines(posterior: "Posterior") -> Iterator[str]:
     """A posterior: the factor and an uncertain input as TOML to paste, and what to know."""
-    low, middle, high = found.quantiles
+    low, middle, high = posterior.quantiles
     yield "[settlement]"
-    yield f"settlement_factor = {found.median:.6g}"
+    yield f"settlement_factor = {posterior.median:.6g}"
     yield ""
     yield "[[uncertain]]"
     yield 'input = "settlement.settlement_factor"'
     yield 'distribution = "lognormal"'
-    yield f"median = {found.median:.6g}"
-    yield f"log_sd = {found.log_sd:.4g}"
-    n = len(found.observations)
+    yield f"median = {posterior.median:.6g}"
+    yield f"log_sd = {posterior.log_sd:.4g}"
+    n = len(posterior.observations)
     yield (
         f'source = "posterior from {n} observed SD{"s" if n > 1 else ""}, scenario '
-        f"{found.scenario}, variant {found.variant}, {found.realisations} realisations, seed "
-        f'{found.seed}"'
+        f"{posterior.scenario}, variant {posterior.variant}, {posterior.realisations} realisations, "
+        f'seed {posterior.seed}"'
     )
-    yield f"# least squares on the median SD: {found.least_squares:.6g}"
+    yield f"# least squares on the median SD: {posterior.least_squares:.6g}"
     yield f"# posterior P5, P50, P95: {low:.6g}, {middle:.6g}, {high:.6g}"
-    yield f"# {found.effective:.1f} realisations carry the weight; the best one misses by"
-    yield f"# {found.misfit:.2g} standard errors (root mean square)"
+    yield f"# {posterior.effective:.1f} realisations carry the weight; the best one misses by"
+    yield f"# {posterior.misfit:.2g} standard errors (root mean square)"
 
 
-def posterior_warnings(found: "Posterior") -> Iterator[str]:
+def posterior_warnings(posterior: "Posterior") -> Iterator[str]:
     """What makes a posterior doubtful."""
     from mcsettle.analysis.posterior import MISFIT
     from mcsettle.estimate.conditioning import FEW
 
-    if found.few:
+    if posterior.few:
         yield (
-            f"only {found.effective:.1f} of {found.realisations} realisations carry the weight (below "
-            f"{FEW:g}): take more realisations, or larger errors if the model cannot be that exact"
+            f"only {posterior.effective:.1f} of {posterior.realisations} realisations carry the weight "
+            f"(below {FEW:g}): take more realisations, or larger errors if the model cannot be that exact"
         )
-    if found.misfit > MISFIT:
+    if posterior.misfit > MISFIT:
         yield (
-            f"no realisation comes nearer to the observations than {found.misfit:.2g} standard errors: "
-            "the model cannot produce them with a factor alone"
+            f"no realisation comes nearer to the observations than {posterior.misfit:.2g} standard "
+            "errors: the model cannot produce them with a factor alone"
         )

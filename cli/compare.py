@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 MOST_DIFFERENCES = 40
 
 
-def print_comparison(found: "Comparison") -> None:
+def print_comparison(comparison: "Comparison") -> None:
     """Tables on stdout."""
     out = console()
-    if found.differences:
+    if comparison.differences:
         inputs = table("Inputs that differ", "input", "first", "second")
-        for entry in found.differences[:MOST_DIFFERENCES]:
+        for entry in comparison.differences[:MOST_DIFFERENCES]:
             inputs.add_row(*(_text(v) for v in (entry.path, entry.first, entry.second)))
         out.print(inputs)
-        more = len(found.differences) - MOST_DIFFERENCES
+        more = len(comparison.differences) - MOST_DIFFERENCES
         if more > 0:
             out.print(f"and {more} more")
     else:
@@ -28,16 +28,16 @@ def print_comparison(found: "Comparison") -> None:
     medians = table("Medians", "variant", "scenario", "metric")
     medians.add_column("unit", overflow="fold", max_width=16)
     add_numbers(medians, "first ± s.e.", "second ± s.e.", "change P5", "P50 ± s.e.", "P95")
-    for row in found.rows:
+    for row in comparison.rows:
         medians.add_row(*_cells(row))
     out.print(medians)
-    for line in _remarks(found):
+    for line in _remarks(comparison):
         out.print(line)
 
 
-def comparison_json(found: "Comparison") -> str:
+def comparison_json(comparison: "Comparison") -> str:
     """Everything as JSON."""
-    data = dataclasses.asdict(found)
+    data = dataclasses.asdict(comparison)
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False, default=str)
 
 
@@ -49,17 +49,16 @@ def _cells(row: "Row") -> list[str]:
     return [row.variant, row.scenario, row.metric, row.unit, *medians, *change]
 
 
-def _remarks(found: "Comparison") -> list[str]:
-    if found.unpaired:
-        told = [
-            f"Not paired: {found.unpaired}. Their difference carries the error of both medians."
-        ]
-    else:
-        told = [
-            f"Change: second against first, on {found.shared} common realisations, one by one; "
-            "of intervals in per cent, of effects as a difference."
-        ]
-    return [*told, "–: not reached, or not known for too many censored realisations.", *found.only]
+def _remarks(comparison: "Comparison") -> list[str]:
+    told = (
+        f"Change: second against first, on {comparison.shared} common realisations, one by one; "
+        "of intervals in per cent, of effects as a difference."
+    )
+    why = comparison.unpaired
+    if why:
+        told = f"Not paired: {why}. Their difference carries the error of both medians."
+    unknown = "–: not reached, or not known for too many censored realisations."
+    return [told, unknown, *comparison.only]
 
 
 def _text(value: Any) -> str:

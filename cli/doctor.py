@@ -1,29 +1,26 @@
 """``mcsettle doctor``: what ``installation`` finds, in words or as JSON."""
 
 import dataclasses
-import json
 import textwrap
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from mcsettle.cli.options import Json
-from mcsettle.cli.terminal import FAILED, plainly, say
+from mcsettle.cli.terminal import FAILED, plainly, say_result
 
 if TYPE_CHECKING:
     from mcsettle.cli.installation import Check
 
 
 @plainly
-def doctor(
-    json_output: Json = False,
-) -> None:
+def doctor(json_output: Json = False) -> None:
     """Check Python, libraries, Taichi, cores, cache and disk; say what to do; exit code 1 if ill."""
     from mcsettle.cli.installation import examine
 
     checks = examine()
-    say(doctor_json(checks) if json_output else "\n".join(doctor_lines(checks)), json_output)
+    say_result(checks, json_output, doctor_data, doctor_lines)
     if any(check.state == "failed" for check in checks):
         raise typer.Exit(FAILED)
 
@@ -46,10 +43,7 @@ def doctor_lines(checks: list["Check"]) -> Iterator[str]:
     yield f"{failed} of {len(checks)} checks failed" if failed else "all is well"
 
 
-def doctor_json(checks: list["Check"]) -> str:
-    """The checks as JSON."""
-    data = {
-        "checks": [dataclasses.asdict(check) for check in checks],
-        "passed": all(check.state != "failed" for check in checks),
-    }
-    return json.dumps(data, indent=1, ensure_ascii=False)
+def doctor_data(checks: list["Check"]) -> dict[str, Any]:
+    """The checks as JSON has them."""
+    passed = all(check.state != "failed" for check in checks)
+    return {"checks": [dataclasses.asdict(check) for check in checks], "passed": passed}

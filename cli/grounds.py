@@ -1,7 +1,5 @@
 """``mcsettle grounds``: the grounds of a study, or what a run says of them by segment."""
 
-import json
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,8 +9,9 @@ import typer
 from mcsettle.cli.options import Force, Json, StudyFile, Variant
 from mcsettle.cli.study_file import study_in
 from mcsettle.cli.tables import shown
-from mcsettle.cli.terminal import inform, plainly, refuse_url, say
+from mcsettle.cli.terminal import checked_file, inform, plainly, say, say_result
 from mcsettle.errors import InputError
+from mcsettle.estimate.estimate import finite
 
 if TYPE_CHECKING:
     from mcsettle.study.study import Study
@@ -41,9 +40,15 @@ def grounds(
     from mcsettle.summary.segments import ground_report
 
     report = ground_report(results, variant, scenario)
-    say(report_json(report) if json_output else "\n".join(report_lines(report)), json_output)
+    say_result(report, json_output, report_data, report_lines)
     if picture is not None:
-        draw_report(report, picture, loaded.identity, force)
+        from mcsettle.report.figures.grounds import grounds_figure
+        from mcsettle.report.figures.style import files_of
+        from mcsettle.storage.marks import write_marked
+
+        checked_file(picture, (".png", ".svg"), "--picture")
+        files = files_of(grounds_figure(report), picture.parent, picture.stem)
+        write_marked(files, loaded.identity, force)
         inform(f"Drew {picture}")
 
 
@@ -93,9 +98,9 @@ def report_lines(report: "GroundReport") -> Iterator[str]:
         yield f"… and {len(report.reasons) - MOST_REASONS} more reasons: --json lists them"
 
 
-def report_json(report: "GroundReport") -> str:
-    """The same as JSON; null: not known, or beyond the horizon."""
-    data = {
+def report_data(report: "GroundReport") -> dict[str, Any]:
+    """The same as JSON has it; null: not known, or beyond the horizon."""
+    return {
         "title": report.study.title,
         "variant": report.variant,
         "scenario": report.scenario,
@@ -104,18 +109,6 @@ def report_json(report: "GroundReport") -> str:
         "line": _row(report.line),
         "failures": list(report.reasons),
     }
-    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
-
-
-def draw_report(report: "GroundReport", path: Path, mark: str, force: bool) -> None:
-    """Write the picture by segment as ``path``, PNG or SVG."""
-    from mcsettle.report.figures.grounds import grounds_figure
-    from mcsettle.report.figures.style import FORMATS, save
-
-    if path.suffix.lower().lstrip(".") not in FORMATS:
-        raise InputError(f"--picture {path}: choose a name that ends in .png or .svg")
-    refuse_url(path, "--picture")
-    save(grounds_figure(report), path.parent, path.stem, study=mark, force=force)
 
 
 def _row(row: "SegmentRow") -> dict[str, Any]:
@@ -124,12 +117,8 @@ def _row(row: "SegmentRow") -> dict[str, Any]:
         "grounds": row.grounds,
         "failed": row.failed,
         "known_probability": row.known,
-        "tamping_interval_days": [_finite(v) for v in row.days],
-        "present_cost_per_track_km": [_finite(v) for v in row.cost],
-        "mean_present_cost_per_track_km": _finite(row.mean_cost),
-        "mean_marginal_cost": _finite(row.marginal),
+        "tamping_interval_days": [finite(v) for v in row.days],
+        "present_cost_per_track_km": [finite(v) for v in row.cost],
+        "mean_present_cost_per_track_km": finite(row.mean_cost),
+        "mean_marginal_cost": finite(row.marginal),
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -47,7 +47,9 @@ def init(
         return
     study, contents = _contents(path, example)
     _write(contents)
-    _write_schema(study.parent / SCHEMA)
+    schema = study.parent / SCHEMA
+    if not schema.exists():  # for editors; one that is there stays as it is
+        schema.write_text(_schema_text() + "\n", encoding="utf-8")
     data = len(contents) - 1
     beside = f" and {data} data file{'s' if data > 1 else ''} beside it" if data else ""
     inform(f"Wrote {study}{beside}. Next: mcsettle check {study}")
@@ -92,12 +94,6 @@ def _write(contents: dict[Path, bytes]) -> None:
                     target.write(content)
         except OSError as error:
             raise InputError(f"{file} cannot be written: {error.strerror}") from None
-
-
-def _write_schema(file: Path) -> None:
-    """What editors complete and check the study by; a file that is there stays as it is."""
-    if not file.exists():
-        file.write_text(_schema_text() + "\n", encoding="utf-8")
 
 
 def _schema_text() -> str:

@@ -63,11 +63,11 @@ def _guarded(check: Callable[[], Check]) -> Check:
 
 
 def _python() -> Check:
-    found = f"{platform.python_version()} on {platform.platform()}"
+    facts = f"{platform.python_version()} on {platform.platform()}"
     if PYTHON_FROM <= sys.version_info[:2] < PYTHON_BELOW:
-        return Check("python", "ok", found)
+        return Check("python", "ok", facts)
     span = f"{_dotted(PYTHON_FROM)} or newer, below {_dotted(PYTHON_BELOW)}"
-    return Check("python", "failed", found, f"install mcsettle into a Python of version {span}")
+    return Check("python", "failed", facts, f"install mcsettle into a Python of version {span}")
 
 
 def _libraries() -> Check:
@@ -79,13 +79,13 @@ def _libraries() -> Check:
             versions.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
             missing.append(name)
-    found = ", ".join(versions)
+    facts = ", ".join(versions)
     if missing:
         advice = f"pip install {' '.join(missing)}"
-        return Check("libraries", "failed", f"{found}; missing: {', '.join(missing)}", advice)
+        return Check("libraries", "failed", f"{facts}; missing: {', '.join(missing)}", advice)
     if f"taichi {TAICHI}" not in versions:
-        return Check("libraries", "failed", found, f"pip install taichi=={TAICHI}")
-    return Check("libraries", "ok", found)
+        return Check("libraries", "failed", facts, f"pip install taichi=={TAICHI}")
+    return Check("libraries", "ok", facts)
 
 
 def _extras() -> Check:
@@ -111,23 +111,23 @@ def _stores() -> Check:
 
     missing = [scheme for scheme, name in STORES.items() if not hasattr(fs, name)]
     told = [f"{scheme}:// {'no' if scheme in missing else 'yes'}" for scheme in STORES]
-    found = f"{', '.join(told)} (pyarrow {pyarrow.__version__})"
+    facts = f"{', '.join(told)} (pyarrow {pyarrow.__version__})"
     if not missing:
-        return Check("object stores", "ok", found)
+        return Check("object stores", "ok", facts)
     advice = "for those that are missing install another build of pyarrow, such as pip's own"
-    return Check("object stores", "note", found, advice)
+    return Check("object stores", "note", facts, advice)
 
 
 def _threads() -> Check:
     ours, machine = cores(), os.cpu_count() or 1
     blas = os.environ.get("OPENBLAS_NUM_THREADS", "not set")
-    found = f"{ours} of {machine} cores for this process, OPENBLAS_NUM_THREADS {blas}"
+    facts = f"{ours} of {machine} cores for this process, OPENBLAS_NUM_THREADS {blas}"
     if blas != "1" and ours > 1:
         advice = (
             "set OPENBLAS_NUM_THREADS=1: the work is parallel elsewhere, more only get in the way"
         )
-        return Check("threads", "note", found, advice)
-    return Check("threads", "ok", found)
+        return Check("threads", "note", facts, advice)
+    return Check("threads", "ok", facts)
 
 
 def _kernels() -> Check:
@@ -145,11 +145,11 @@ def _kernels() -> Check:
         )
         return Check("kernels", "failed", f"{type(failure).__name__}: {failure}", advice)
     took = time.monotonic() - started
-    found = f"{backend.NAME} {runtime.version()}, one against NumPy: {error:.1e} ({took:.1f} s)"
+    facts = f"{backend.NAME} {runtime.version()}, one against NumPy: {error:.1e} ({took:.1f} s)"
     if error <= PRECISION:
-        return Check("kernels", "ok", found)
+        return Check("kernels", "ok", facts)
     advice = "results would be wrong: reinstall the compiler, and report the processor if that is no cure"
-    return Check("kernels", "failed", found, advice)
+    return Check("kernels", "failed", facts, advice)
 
 
 def _cache() -> Check:
@@ -197,11 +197,11 @@ def stale_files(folder: Path, now: float) -> list[Path]:
 def _disk() -> Check:
     folder = cache_folder()
     free = shutil.disk_usage(folder).free
-    found = f"{free / GIB:.1f} GiB free at {folder}"
+    facts = f"{free / GIB:.1f} GiB free at {folder}"
     if free >= LEAST_DISK:
-        return Check("disk", "ok", found)
+        return Check("disk", "ok", facts)
     advice = "make room, or set MCSETTLE_CACHE and --out to a disk with 2 GiB to spare"
-    return Check("disk", "failed", found, advice)
+    return Check("disk", "failed", facts, advice)
 
 
 def _size(path: Path) -> int:

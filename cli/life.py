@@ -1,6 +1,5 @@
 """``mcsettle life``: what is printed and written of tracks that are tamped again and again."""
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from mcsettle.cli.marked_tables import write_tables
 from mcsettle.cli.options import Force, Json, Realisations, StudyFile
 from mcsettle.cli.study_file import study_in
 from mcsettle.cli.tables import shown
-from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, say
+from mcsettle.cli.terminal import Progress, checked_folder, cores, plainly, say_result
 from mcsettle.estimate.rounding import with_error
 from mcsettle.units import MM
 
@@ -50,42 +49,41 @@ def life(
 
         tell_line_life(loaded, realisations, out, json_output)
         return
-    from mcsettle.analysis.life import lives
+    from mcsettle.analysis.life import lives as followed
 
-    found = lives(loaded, realisations, Progress(), cores())
-    say(life_json(found) if json_output else "\n".join(life_lines(found)), json_output)
+    lives = followed(loaded, realisations, Progress(), cores())
+    say_result(lives, json_output, life_data, life_lines)
     if out is not None:
-        write_lives(found, out, loaded.identity)
+        write_lives(lives, out, loaded.identity)
 
 
-def life_lines(found: Sequence["Life"]) -> Iterator[str]:
+def life_lines(lives: Sequence["Life"]) -> Iterator[str]:
     """Present cost of the sequence and by Eq. (4), marginal costs, tampings of a life."""
     import numpy as np
 
-    for life in found:
+    for life in lives:
         against = f" against {life.baseline}" if life.baseline else ""
-        yield f"== {life.variant} {life.scenario}{against}: {len(life.cost)} realisations{_open(life)}"
+        n = int(life.sequence.open.sum())
+        followed = f", {n} of them followed no further (a lower bound)" if n else ""
+        yield f"== {life.variant} {life.scenario}{against}: {len(life.cost)} realisations{followed}"
         yield f"{'':<34}{'mean ± s.e.':>20} {'P5':>10} {'P50':>10} {'P95':>10}"
         for text, values in _rows(life):
-            known = values[np.isfinite(values)]
-            if _of_most(known, values):
-                part = (
-                    ""
-                    if len(known) == len(values)
-                    else f" (the {len(known)} known of {len(values)})"
-                )
-                yield _line(text, known) + part
+            n, mean, error, *quantiles = _numbers(values).values()
+            if mean is not None:
+                cells = " ".join(f"{shown(q, 5):>10}" for q in quantiles)
+                some = "" if n == len(values) else f" (the {n} known of {len(values)})"
+                yield f"{text:<34}{with_error(mean, error):>20} {cells}{some}"
             elif np.any(np.isinf(values)):
                 yield f"{text:<34}{'–':>20} (without discounting it has no end)"
-            elif len(known):
-                yield f"{text:<34}{'–':>20} (known of {len(known)} of {len(values)}, the shortest-lived)"
-    units = dict.fromkeys(life.unit for life in found if life.unit)
-    yield f"Costs are {found[0].currency}/track-km; marginal costs {', '.join(units) or 'are unknown'}."
+            elif n:
+                yield f"{text:<34}{'–':>20} (known of {n} of {len(values)}, the shortest-lived)"
+    units = dict.fromkeys(life.unit for life in lives if life.unit)
+    yield f"Costs are {lives[0].currency}/track-km; marginal costs {', '.join(units) or 'are unknown'}."
 
 
-def life_json(found: Sequence["Life"]) -> str:
-    """Means, errors and quantiles of every row, as JSON."""
-    data = [
+def life_data(lives: Sequence["Life"]) -> list[dict[str, Any]]:
+    """Means, errors and quantiles of every row, as JSON has them."""
+    return [
         {
             "variant": life.variant,
             "scenario": life.scenario,
@@ -96,12 +94,11 @@ def life_json(found: Sequence["Life"]) -> str:
             "currency": life.currency,
             "rows": {text: _numbers(values) for text, values in _rows(life)},
         }
-        for life in found
+        for life in lives
     ]
-    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
+def write_lives(lives: Sequence["Life"], folder: Path, study: str) -> None:
     """Tables ``lives`` (a row for each track) and ``tampings`` (one for each tamping).
 
     ``study``: the mark that they bear.
@@ -109,39 +106,33 @@ def write_lives(found: Sequence["Life"], folder: Path, study: str) -> None:
     import numpy as np
     import pandas as pd
 
-    lives, tampings, followed = [], [], set[int]()
-    for life in found:
-        own = {"variant": life.variant, "scenario": life.scenario}
-        for r in range(len(life.cost)):
-            lives.append(
-                own
-                | {
-                    "realisation": r,
-                    "baseline": life.baseline,
-                    "currency": life.currency,
-                    "tampings": int(life.sequence.count[r]),
-                    "open": bool(life.sequence.open[r]),
-                    "present_cost_per_track_km": life.cost[r],
-                    "present_cost_eq4_per_track_km": life.constant[r],
-                    "marginal_cost": life.marginal[r],
-                    "marginal_cost_eq8_9": life.marginal_constant[r],
-                }
-            )
-        if id(life.sequence) in followed:
-            continue  # the same tracks against another baseline
-        followed.add(id(life.sequence))
-        for r, c in zip(*np.nonzero(~np.isnan(life.sequence.years)), strict=True):
-            tampings.append(
-                own
-                | {
-                    "realisation": int(r),
-                    "tamping": int(c) + 1,
-                    "year": life.sequence.years[r, c],
-                    "sd_after_mm": life.sd_after[r, c] / MM,
-                }
-            )
-    tables = {"lives": pd.DataFrame(lives), "tampings": pd.DataFrame(tampings)}
-    write_tables(tables, folder, study)
+    tracks: list[pd.DataFrame] = []
+    tampings: dict[int, pd.DataFrame] = {}
+    for life in lives:
+        names = {"variant": life.variant, "scenario": life.scenario}
+        columns = {
+            "realisation": np.arange(len(life.cost)),
+            "baseline": life.baseline,
+            "currency": life.currency,
+            "tampings": life.sequence.count.astype(int),
+            "open": life.sequence.open,
+            "present_cost_per_track_km": life.cost,
+            "present_cost_eq4_per_track_km": life.constant,
+            "marginal_cost": life.marginal,
+            "marginal_cost_eq8_9": life.marginal_constant,
+        }
+        tracks.append(pd.DataFrame(names | columns))
+        row, place = np.nonzero(~np.isnan(life.sequence.years))
+        columns = {
+            "realisation": row,
+            "tamping": place + 1,
+            "year": life.sequence.years[row, place],
+            "sd_after_mm": life.sd_after[row, place] / MM,
+        }
+        # Against another baseline the tracks are the same, and are told once.
+        tampings.setdefault(id(life.sequence), pd.DataFrame(names | columns))
+    tables = {"lives": tracks, "tampings": tampings.values()}
+    write_tables({k: pd.concat(v, ignore_index=True) for k, v in tables.items()}, folder, study)
 
 
 def _rows(life: "Life") -> list[tuple[str, "np.ndarray"]]:
@@ -168,49 +159,18 @@ def _rows(life: "Life") -> list[tuple[str, "np.ndarray"]]:
     return rows
 
 
-def _line(text: str, known: "np.ndarray") -> str:
+def _numbers(values: "np.ndarray") -> dict[str, Any]:
+    """How many are known, their mean with its error, and their quantiles.
+
+    None where a minority is known: it is that of the tracks that wear fastest.
+    """
     import numpy as np
 
-    error = _error(known) if len(known) > 1 else None
-    mean = with_error(float(known.mean()), error)
-    low, middle, high = (shown(float(q), 5) for q in np.quantile(known, LEVELS))
-    return f"{text:<34}{mean:>20} {low:>10} {middle:>10} {high:>10}"
-
-
-def _numbers(values: "np.ndarray") -> dict[str, float | int | None]:
-    import numpy as np
-
-    known = values[np.isfinite(values)]
-    if not _of_most(known, values):
-        return {
-            "n": len(known),
-            "mean": None,
-            "standard_error": None,
-            "p5": None,
-            "p50": None,
-            "p95": None,
-        }
-    low, middle, high = (float(q) for q in np.quantile(known, LEVELS))
-    error = _error(known) if len(known) > 1 else None
-    return {
-        "n": len(known),
-        "mean": float(known.mean()),
-        "standard_error": error,
-        "p5": low,
-        "p50": middle,
-        "p95": high,
-    }
-
-
-def _of_most(known: "np.ndarray", values: "np.ndarray") -> bool:
-    """Whether ``known`` are most of ``values``: a minority is that of the tracks that wear fastest."""
-    return bool(len(known)) and 2 * len(known) >= len(values)
-
-
-def _error(known: "np.ndarray") -> float:
-    return float(known.std(ddof=1)) / math.sqrt(len(known))
-
-
-def _open(life: "Life") -> str:
-    n = int(life.sequence.open.sum())
-    return f", {n} of them followed no further (a lower bound)" if n else ""
+    finite = values[np.isfinite(values)]
+    n = len(finite)
+    numbers: list[float | None] = [None] * 5
+    if n and 2 * n >= len(values):
+        error = float(finite.std(ddof=1)) / math.sqrt(n) if n > 1 else None
+        numbers = [float(finite.mean()), error, *np.quantile(finite, LEVELS).tolist()]
+    keys = ("mean", "standard_error", "p5", "p50", "p95")
+    return {"n": n} | dict(zip(keys, numbers, strict=True))

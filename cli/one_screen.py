@@ -6,24 +6,20 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import narrowed_by, stress_remarks
-from mcsettle.report.charging import by_unit, headline_unit, marginal_train
-from mcsettle.report.money import Money, money_for
+from mcsettle.report.charging import by_unit, marginal_train
 from mcsettle.report.price_words import (
-    changes_of,
+    interval_words,
     price_interval,
     price_places,
+    priced_in,
     question,
-    scaled_unit,
+    range_words,
     scope,
-    span,
-    tamped_on,
 )
 from mcsettle.report.words import cut
 
 if TYPE_CHECKING:
-    from mcsettle.report.charging import PriceUnit
     from mcsettle.summary.answers import Answers
     from mcsettle.summary.results import Results
 
@@ -94,10 +90,8 @@ def _prices(answers: "Answers", size: "Size") -> Iterator[str]:
 
 def _group(answers: "Answers", shown: list[str], asked: str, size: "Size") -> Iterator[str]:
     """A line for each effect whose price is in the same unit, under what is ``asked``."""
-    units, width = {name: headline_unit(answers.study, name) for name in shown}, size.columns
-    money = _money(answers, units)
-    units = {name: scaled_unit(unit, money.scale) for name, unit in units.items()}
-    label = f"{(money.word or money.sign).strip()} per {units[shown[0]].label}"
+    label, units = priced_in(answers, shown)
+    width = size.columns
     pairs = [(answers.effect(name), units[name]) for name in shown]
     places = price_places(
         (name, effect, unit)
@@ -112,7 +106,7 @@ def _group(answers: "Answers", shown: list[str], asked: str, size: "Size") -> It
     for name, (effect, unit) in zip(shown, pairs, strict=True):
         price = "no price" if effect is None else price_interval(effect, unit, places[name])
         summary = answers.summaries[name]
-        spread = _range(summary.prices, unit.factor, places.get(name))
+        spread = range_words(summary.prices, unit.factor, places.get(name), "–")
         rows.append((cut(name, 22), _change(answers, name), price, spread, summary.verdict))
     yield from _columns(rows, size, 1)  # a scenario's title stands below, its range only here
 
@@ -123,11 +117,9 @@ def _reasons(answers: "Answers", shown: list[str], width: int) -> Iterator[str]:
     for name in shown:
         summary, effect = answers.summaries[name], answers.effect(name)
         if effect is not None and effect.price.value is None:
-            known = effect.price.n - effect.price.n_censored
+            n_known = effect.price.n - effect.price.n_censored
             years = answers.study.limit.horizon_years
-            text = (
-                f"{known} of {effect.price.n} pairs of sections reach the limit in {years:g} years"
-            )
+            text = f"{n_known} of {effect.price.n} pairs of sections reach the limit in {years:g} years"
             reasons.setdefault(text, []).append(name)
         elif summary.verdict != "yes":
             reasons.setdefault(summary.reason, []).append(name)
@@ -137,23 +129,12 @@ def _reasons(answers: "Answers", shown: list[str], width: int) -> Iterator[str]:
 
 def _intervals(answers: "Answers", size: "Size") -> Iterator[str]:
     study, rows = answers.study, [("", "", "days", "half of the sections", "change")]
-    late = f"> {number(study.limit.horizon_days, 0)}"
     for name in study.scenario_names[: size.scenarios + 1]:
-        found = answers.intervals.get((answers.form, name))
-        if found is None:
-            continue
-        low, high = (number(day, 0, late) for day in found.half)
-        middle = late if found.median.value is None else found.median.with_error()
-        month = tamped_on(study, found.median.value)
-        rows.append(
-            (
-                cut(name, 14),
-                study.scenario(name).title or "",
-                f"{middle} ({month})" if month else middle,
-                span(low, high),
-                changes_of(answers, name),
-            )
-        )
+        words = interval_words(answers, name)
+        if words is not None:
+            middle, month, half, change = words
+            days = f"{middle} ({month})" if month else middle
+            rows.append((cut(name, 14), study.scenario(name).title or "", days, half, change))
     yield ""
     yield "When is the line tamped?"
     yield from _columns(rows, size, 3)
@@ -172,24 +153,6 @@ def _next(answers: "Answers", width: int) -> Iterator[str]:
         yield "What would narrow it"
         for text in told:
             yield from _wrapped(text, width)
-
-
-def _money(answers: "Answers", units: "dict[str, PriceUnit]") -> Money:
-    """The money in which every price of the screen is written."""
-    amounts = [
-        amount * units[name].factor
-        for (_, name), effect in answers.effects.items()
-        for amount in (effect.price.value, effect.at_most)
-        if name in units and amount is not None
-    ]
-    return money_for(answers.study.currency, amounts)
-
-
-def _range(ends: tuple[float, float] | None, factor: float, places: int | None) -> str:
-    if ends is None:
-        return "–"
-    low, high = (number(end, places) for end in sorted(end * factor for end in ends))
-    return low if low == high else f"{low} to {high}"
 
 
 def _change(answers: "Answers", scenario: str) -> str:

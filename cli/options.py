@@ -49,12 +49,12 @@ def taking(options: type) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
     def wrap(command: Callable[P, R]) -> Callable[P, R]:
         signature = inspect.signature(command)
-        own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
+        named = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
         more = [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=hint)
             for name, hint in get_type_hints(options, include_extras=True).items()
         ]
-        command.__signature__ = signature.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
+        command.__signature__ = signature.replace(parameters=[*named, *more])  # type: ignore[attr-defined]
         return command
 
     return wrap

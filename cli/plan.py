@@ -31,8 +31,9 @@ def plan(
     from mcsettle.run.plan import plan as plan_of
 
     asked = loaded.with_run(realisations, None, "every_axle" if exact else None, parameter_sets)
-    found = plan_of(asked, threads, batch, Progress(), cores())
-    say(plan_json(found) if json_output else plan_text(found), json_output)
+    planned = plan_of(asked, threads, batch, Progress(), cores())
+    text = json.dumps(asdict(planned), indent=2) if json_output else "\n".join(plan_lines(planned))
+    say(text, json_output)
 
 
 def tell_plan(study: "Study", threads: int | None, batch: int | None) -> None:
@@ -41,30 +42,22 @@ def tell_plan(study: "Study", threads: int | None, batch: int | None) -> None:
     from mcsettle.run.plan import plan as plan_of
 
     if is_long(study):
-        inform(plan_text(plan_of(study, threads, batch, Progress(), cores())))
+        planned = plan_of(study, threads, batch, Progress(), cores())
+        inform("\n".join(plan_lines(planned)))
 
 
-def plan_text(found: "Plan") -> str:
+def plan_lines(plan: "Plan") -> Iterator[str]:
     """A plan in a few lines."""
-    return "\n".join(_lines(found))
-
-
-def plan_json(found: "Plan") -> str:
-    """A plan as JSON."""
-    return json.dumps(asdict(found), indent=2)
-
-
-def _lines(found: "Plan") -> Iterator[str]:
-    sets = f" × {found.parameter_sets} parameter sets" if found.parameter_sets > 1 else ""
+    sets = f" × {plan.parameter_sets} parameter sets" if plan.parameter_sets > 1 else ""
     yield (
-        f"rows      {found.rows} = {found.realisations} realisations × {found.scenarios} scenarios"
-        f" × {found.variants} variants{sets}"
+        f"rows      {plan.rows} = {plan.realisations} realisations × {plan.scenarios} scenarios"
+        f" × {plan.variants} variants{sets}"
     )
-    yield f"stepping  {found.stepping}, {found.modes} modes, {found.passages:.3g} axle passages"
-    yield f"batches   {found.batches} of up to {found.batch} realisations"
-    yield f"memory    {found.memory_mb:.0f} MB"
-    yield f"disk      {found.disk_mb:.1f} MB"
-    yield f"time      {_duration(found.seconds)} on this machine as busy as it is now, Step A apart"
+    yield f"stepping  {plan.stepping}, {plan.modes} modes, {plan.passages:.3g} axle passages"
+    yield f"batches   {plan.batches} of up to {plan.batch} realisations"
+    yield f"memory    {plan.memory_mb:.0f} MB"
+    yield f"disk      {plan.disk_mb:.1f} MB"
+    yield f"time      {_duration(plan.seconds)} on this machine as busy as it is now, Step A apart"
 
 
 def _duration(seconds: float) -> str:

@@ -1,6 +1,5 @@
 """``mcsettle profile``: a measured record as the options or a study describe it."""
 
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,8 +10,9 @@ from typer import Option
 
 from mcsettle.cli.options import Force, Json, option_name, taking
 from mcsettle.cli.study_file import study_in
-from mcsettle.cli.terminal import checked_folder, inform, plainly, say
+from mcsettle.cli.terminal import as_json, checked_folder, inform, plainly, say_result
 from mcsettle.errors import InputError
+from mcsettle.estimate.estimate import finite
 from mcsettle.estimate.rounding import with_error
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def profile(
         if key in given:
             given[key] = [part.strip() for part in given[key].split(",")]
     report = report_of(file, given, speed_kmh)
-    say(report_json(report) if json_output else "\n".join(report_lines(report)), json_output)
+    say_result(report, json_output, report_data, report_lines)
     if out is not None:
         write_report(report, out, file, force)
 
@@ -130,11 +130,11 @@ def _study_around(path: Path, given: dict[str, Any]) -> "Study":
     """The smallest study whose profile is the record at ``path``: its checks are the study's."""
     from mcsettle.study.study import Study
 
-    own = {"window_m", "shortest_m", "longest_m"}
+    of_profile = {"window_m", "shortest_m", "longest_m"}
     d1 = "en13848_d1" in (given.get("filter"), given.get("already_filtered"))
     band = {"shortest_m": 3.0, "longest_m": 25.0} if d1 else {}
-    profile = band | {key: value for key, value in given.items() if key in own}
-    record = {key: value for key, value in given.items() if key not in own}
+    profile = band | {key: value for key, value in given.items() if key in of_profile}
+    record = {key: value for key, value in given.items() if key not in of_profile}
     timetable = [{"train": "t", "speed_kmh": 100.0, "per_day": 1}]
     data = {
         "schema_version": 1,
@@ -193,21 +193,16 @@ def report_lines(report: "ProfileReport") -> Iterator[str]:
         )
 
 
-def report_json(report: "ProfileReport") -> str:
-    """Every number of a report as JSON."""
+def report_data(report: "ProfileReport") -> dict[str, Any]:
+    """Every number of a report as JSON has it."""
     parts = report.sections
-    data = {
+    return {
         "run": report.run,
         "length_m": report.length,
         "median_step_m": report.median_step,
         "points": report.points,
         "findings": [
-            {
-                "kind": f.kind,
-                "count": f.count,
-                "first_m": f.first if math.isfinite(f.first) else None,
-                "text": f.text,
-            }
+            {"kind": f.kind, "count": f.count, "first_m": finite(f.first), "text": f.text}
             for f in report.findings
         ],
         "remarks": list(report.remarks),
@@ -223,11 +218,11 @@ def report_json(report: "ProfileReport") -> str:
             {
                 "chainage_from_m": float(parts.chainage_from[i]),
                 "chainage_to_m": float(parts.chainage_to[i]),
-                "sd_mm": float(sd) * 1e3,
-                "sd_d1_mm": float(d1) * 1e3,
+                "sd_mm": float(report.sd[i]) * 1e3,
+                "sd_d1_mm": float(report.sd_d1[i]) * 1e3,
                 "class": report.classes[i] if report.classes else None,
             }
-            for i, (sd, d1) in enumerate(zip(report.sd, report.sd_d1, strict=True))
+            for i in range(len(report.sd))
         ],
         "spectrum": [
             {"wavelength_m": float(2.0 * math.pi / k), "density_m2_per_rad_per_m": float(p)}
@@ -245,7 +240,6 @@ def report_json(report: "ProfileReport") -> str:
             for f in report.fits
         ],
     }
-    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def write_report(report: "ProfileReport", folder: Path, file: Path, force: bool) -> None:
@@ -256,6 +250,6 @@ def write_report(report: "ProfileReport", folder: Path, file: Path, force: bool)
     from mcsettle.storage.marks import write_marked
 
     files = files_of(profile_figure(report, file.name), folder, "profile")
-    files[folder / "profile.json"] = f"{report_json(report)}\n".encode()
+    files[folder / "profile.json"] = f"{as_json(report_data(report))}\n".encode()
     written = write_marked(files, sha256(file), force)
     inform("Wrote " + ", ".join(str(path) for path in written))

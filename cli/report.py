@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcsettle.cli.options import Force
+from mcsettle.cli.options import Force, Json
 from mcsettle.cli.terminal import (
     Progress,
+    checked_file,
     checked_folder,
     cores,
     inform,
@@ -61,7 +62,7 @@ def report(
     from mcsettle.storage.marks import refuse_others, write_marked
     from mcsettle.summary.results import folder_of_run, study_of
 
-    target = checked_file(out or beside(folder, ".html"), ".html")
+    target = checked_file(out or beside(folder, ".html"), (".html",))
     if markdown is not None:
         refuse_url(markdown, "--markdown")
     if figures is not None:
@@ -105,7 +106,7 @@ def export(
     if csv is not None:
         checked_folder(csv, "--csv")
     if xlsx is not None or csv is None:
-        xlsx = checked_file(xlsx or beside(folder, ".xlsx", "--xlsx"), ".xlsx", "--xlsx")
+        xlsx = checked_file(xlsx or beside(folder, ".xlsx", "--xlsx"), (".xlsx",), "--xlsx")
     material = read_material(folder)
     if csv is not None:
         written = write_csv(material, csv, force)
@@ -120,18 +121,18 @@ def export(
 def compare(
     first: Annotated[Path, typer.Argument(metavar="DIR1", help="Folder of a finished run.")],
     second: Annotated[Path, typer.Argument(metavar="DIR2", help="Folder of another one.")],
-    json_output: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    json_output: Json = False,
 ) -> None:
     """Set two runs, or two studies, side by side: paired on the tracks they share."""
     from mcsettle.cli.compare import comparison_json, print_comparison
     from mcsettle.summary.compare import compare as compared
     from mcsettle.summary.results import read_results
 
-    found = compared(read_results(first), read_results(second))
+    comparison = compared(read_results(first), read_results(second))
     if json_output:
-        say(comparison_json(found), True)
+        say(comparison_json(comparison), True)
     else:
-        print_comparison(found)
+        print_comparison(comparison)
 
 
 def picture_files(page: "Page", folder: Path) -> dict[Path, bytes]:
@@ -163,19 +164,3 @@ def beside(folder: Path, ending: str, option: str = "--out") -> Path:
         )
     whole = folder.absolute()
     return whole.with_name(whole.name + ending)
-
-
-def checked_file(path: Path, ending: str, option: str = "--out") -> Path:
-    """``path`` if it has the ending and is no folder.
-
-    Raises
-    ------
-    InputError
-        Another ending, or a folder stands there.
-    """
-    refuse_url(path, option)
-    if path.suffix.lower() != ending:
-        raise InputError(f"{option} {path}: choose a name that ends in {ending}")
-    if path.is_dir():
-        raise InputError(f"{option} {path} is a folder; name a file")
-    return path

@@ -1,7 +1,6 @@
 """``mcsettle sections``: when each section of a line must be tamped, from a study with ``[line]``."""
 
-import json
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator, Mapping
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.check import warn_of
+from mcsettle.cli.marked_tables import marked_table
 from mcsettle.cli.options import Force, Json, StudyFile
 from mcsettle.cli.study_file import study_in
-from mcsettle.cli.terminal import Progress, cores, inform, plainly, say
+from mcsettle.cli.terminal import Progress, checked_file, cores, inform, plainly, say_result
 from mcsettle.errors import InputError
+from mcsettle.estimate.rounding import number
 from mcsettle.units import DAYS_PER_YEAR, MM
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from mcsettle.study.build_line import Line
 
 SHOWN = 12
+DUE = ["due_p05", "due_p50", "due_p95"]
 TABLES = (".csv", ".xlsx", ".parquet")
 
 
@@ -44,11 +46,12 @@ def sections(
     """Say when each section of a line must be tamped: its own rate, its dates, a plan."""
     from mcsettle.storage.marks import refuse_others, write_marked
 
-    for path, kinds in ((table, TABLES), (picture, (".png", ".svg"))):
-        if path is not None and path.suffix.lower() not in kinds:
-            raise InputError(f"{path}: choose a name that ends in {', '.join(kinds)}")
+    files = []
+    if table is not None:
+        files.append(checked_file(table, TABLES, "--table"))
+    if picture is not None:
+        files.append(checked_file(picture, (".png", ".svg"), "--picture"))
     loaded = study_in(study)
-    files = [path for path in (table, picture) if path is not None]
     refuse_others(files, loaded.identity, force)  # before anything takes its time
     warn_of(loaded)
     if hold_out:
@@ -56,16 +59,13 @@ def sections(
 
         line, held = line_hold_out(loaded, Progress(), cores())
         tell_remarks(line)
-        say(
-            hold_out_json(held) if json_output else "\n".join(hold_out_lines(line, held)),
-            json_output,
-        )
+        say_result(held, json_output, hold_out_data, lambda held: hold_out_lines(line, held))
         return
     from mcsettle.analysis.sections import sections_report
 
     report = sections_report(loaded, Progress(), cores())
     tell_remarks(report.line)
-    say(sections_json(report) if json_output else "\n".join(sections_lines(report)), json_output)
+    say_result(report, json_output, sections_data, sections_lines)
     contents = {}
     if table is not None:
         contents[table] = table_bytes(report, table.suffix.lower(), loaded.identity)
@@ -102,30 +102,18 @@ def sections_lines(report: "SectionsReport") -> Iterator[str]:
     )
     late = late_text(report.last_run, report.forecast.horizon)
     for row in table.head(SHOWN).to_dict("records"):
-        place = f"{row.get('track', '')} {row['chainage_from_m']:.0f}-{row['chainage_to_m']:.0f}".strip()
-        days = " ".join(f"{shown_date(row[f'due_p{p}'], late):>10}" for p in ("05", "50", "95"))
-        rate = (
-            "-"
-            if row["rate_mm_per_year"] != row["rate_mm_per_year"]
-            else f"{row['rate_mm_per_year']:.2f}"
-        )
+        days = " ".join(f"{shown_date(row[name], late):>10}" for name in DUE)
+        rate = number(row["rate_mm_per_year"], 2, "-")
         yield (
-            f"{row['priority']:>3} {place:>15} {row['sd_now_mm']:>6.2f} {rate:>8} {days} "
+            f"{row['priority']:>3} {place_text(row):>15} {row['sd_now_mm']:>6.2f} {rate:>8} {days} "
             f"{row['probability_1y']:>5.0%}"
         )
     if len(table) > SHOWN:
         yield f"    and {len(table) - SHOWN} more (--table FILE.csv has them all)"
-    yield (
-        f"{late}: beyond the horizon ([limit] horizon_years)"
-        if _any_late(table.head(SHOWN))
-        else ""
-    )
+    any_late = table.head(SHOWN)[DUE].isna().any(axis=None)
+    yield f"{late}: beyond the horizon ([limit] horizon_years)" if any_late else ""
     yield "due per year from the last run on [km], P50 (P5 to P95), the line as a whole:"
-    for row in report.due.head(5).to_dict("records"):
-        yield (
-            f"  from {row['from']}: {row['due_km_p50']:.1f} "
-            f"({row['due_km_p05']:.1f} to {row['due_km_p95']:.1f})"
-        )
+    yield from due_lines(report.due.head(5))
     yield from _increment_lines(report)
     if report.sites:
         shifts = sum(site.shifts for site in report.sites)
@@ -172,14 +160,27 @@ def _forms_line(forms: "tuple[FormOfGrowth, ...]") -> str:
     return f"form of growth, by the runs of the line: {parts}"
 
 
-def sections_json(report: "SectionsReport") -> str:
-    """All sections, kilometres due and worksites as JSON."""
-    data = {
+def due_lines(table: "pd.DataFrame") -> Iterator[str]:
+    """Kilometres of the line that fall due in each year."""
+    for row in table.to_dict("records"):
+        yield (
+            f"  from {row['from']}: {row['due_km_p50']:.1f} "
+            f"({row['due_km_p05']:.1f} to {row['due_km_p95']:.1f})"
+        )
+
+
+def place_text(row: Mapping[Hashable, Any]) -> str:
+    """Where a section lies: its track, if it has a name, and its chainage [m]."""
+    return f"{row.get('track', '')} {row['chainage_from_m']:.0f}-{row['chainage_to_m']:.0f}".strip()
+
+
+def sections_data(report: "SectionsReport") -> dict[str, Any]:
+    """All sections, kilometres due and worksites as JSON has them."""
+    levels, factors = ("p05", "p50", "p95"), report.forecast.factors
+    return {
         "last_run": report.last_run.isoformat(),
-        "factor": dict(zip(("p05", "p50", "p95"), report.forecast.factors.middle, strict=True)),
-        "section_log_sd": dict(
-            zip(("p05", "p50", "p95"), report.forecast.factors.spread, strict=True)
-        ),
+        "factor": dict(zip(levels, factors.middle, strict=True)),
+        "section_log_sd": dict(zip(levels, factors.spread, strict=True)),
         "forms": {form.name: form.probability for form in report.forecast.forms},
         "sections": plain(report.table),
         "due": plain(report.due),
@@ -188,7 +189,6 @@ def sections_json(report: "SectionsReport") -> str:
         "plan_cost": report.site_cost,
         "single_cost": report.single_cost,
     }
-    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def _site(report: "SectionsReport", site: "Worksite") -> dict[str, Any]:
@@ -204,12 +204,15 @@ def _site(report: "SectionsReport", site: "Worksite") -> dict[str, Any]:
     }
 
 
-def hold_out_json(held: "HoldOut") -> str:
-    """Coverage and mean absolute errors as JSON."""
-    errors = {name: error / MM for name, error in held.mean_absolute_error().items()}
-    data = {"sections": len(held.rows), "coverage": held.coverage, "mean_absolute_error_mm": errors}
-    data["forms"] = {form.name: form.probability for form in held.forms}
-    return json.dumps(data, indent=1)
+def hold_out_data(held: "HoldOut") -> dict[str, Any]:
+    """Coverage and mean absolute errors as JSON has them."""
+    errors = held.mean_absolute_error().items()
+    return {
+        "sections": len(held.rows),
+        "coverage": held.coverage,
+        "mean_absolute_error_mm": {name: error / MM for name, error in errors},
+        "forms": {form.name: form.probability for form in held.forms},
+    }
 
 
 def table_bytes(report: "SectionsReport", kind: str, study: str) -> bytes:
@@ -217,16 +220,12 @@ def table_bytes(report: "SectionsReport", kind: str, study: str) -> bytes:
     import io
 
     from mcsettle.storage.marks import NAME
+    from mcsettle.storage.parquet import encode
 
     buffer, table = io.BytesIO(), report.table
     if kind == ".parquet":
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        columns = pa.Table.from_pandas(table, preserve_index=False)
-        metadata = {**(columns.schema.metadata or {}), NAME.encode(): study.encode()}
-        pq.write_table(columns.replace_schema_metadata(metadata), buffer)
-    elif kind == ".xlsx":
+        return encode(marked_table(table, study))
+    if kind == ".xlsx":
         import pandas as pd
 
         try:
@@ -272,7 +271,3 @@ def late_text(last_run: date, horizon: float) -> str:
 def shown_date(day: date | None, late: str) -> str:
     """A date as it is printed."""
     return late if day is None else day.isoformat()
-
-
-def _any_late(table: "pd.DataFrame") -> bool:
-    return bool(table[["due_p05", "due_p50", "due_p95"]].isna().any(axis=None))

@@ -1,6 +1,7 @@
 """Lines on uncertainty: what the spread consists of, lines of track, tornado, convergence, posterior."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -19,9 +20,9 @@ def print_spread(rows: "list[SummaryRow]") -> None:
     split = table("What the spread consists of, share of the variance [%]", "scenario", "metric")
     add_numbers(split, "parameters", "sections", "interaction", "pairing gain", "correlation")
     for row in rows:
-        cells = [_share(row, "variance_share", part) for part in
-                 ("parameters", "sections", "interaction")]  # fmt: skip
-        cells += [_share(row, kind, "", 1.0) for kind in ("pairing_gain", "correlation")]
+        parts = ("parameters", "sections", "interaction")
+        cells = [_share(row, "variance_share", part, 100.0) for part in parts]
+        cells += [_share(row, kind) for kind in ("pairing_gain", "correlation")]
         if any(cells):
             split.add_row(row.name, row.metric, *cells)
     if split.row_count:
@@ -29,24 +30,17 @@ def print_spread(rows: "list[SummaryRow]") -> None:
     lines = list(_index_lines(rows))
     for line in lines:
         out.print(line)
-    if not lines and any(s.statistic == "variance_share" for row in rows for s in row.spread):
+    if not lines and any(row.part("variance_share") for row in rows):
         from mcsettle.estimate.variance import LEAST_SETS
 
         out.print(f"Indices of single inputs: from {LEAST_SETS} parameter sets on.")
     _print_lines(out, rows)
 
 
-def statistics_json(statistics: "Iterable[Statistic]") -> list[dict[str, Any]]:
+def statistics_data(statistics: "Iterable[Statistic]") -> list[dict[str, Any]]:
     """Statistics with their estimates as plain data."""
-    import dataclasses
-
     return [
-        {
-            "statistic": s.statistic,
-            "subject": s.subject,
-            "level": s.level,
-            **dataclasses.asdict(s.estimate),
-        }
+        {"statistic": s.statistic, "subject": s.subject, "level": s.level} | asdict(s.estimate)
         for s in statistics
     ]
 
@@ -59,9 +53,9 @@ def _print_lines(out: Console, rows: "list[SummaryRow]") -> None:
         means, "line", "P5", "P50", "P95", "mean", "median section", "cost at mean interval"
     )
     for row in rows:
-        of_line = [s for s in row.spread if s.statistic == "line_mean"]
+        of_line = row.part("line_mean")
         named = [row.name, row.metric]
-        ends = [shown(row.at(0.5).value), _share(row, "cost_at_mean_interval", "", 1.0)]
+        ends = [shown(row.at(0.5).value), _share(row, "cost_at_mean_interval")]
         for length in dict.fromkeys(s.subject for s in of_line):
             cells = [_ranged(s.estimate) for s in of_line if s.subject == length]
             means.add_row(*named, length, *cells, *ends)
@@ -91,22 +85,19 @@ def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:
     kinds = {"first_order_index": "first-order", "total_index": "total"}
     for row in rows:
         for kind, name in kinds.items():
-            found = [s for s in row.spread if s.statistic == kind]
-            found.sort(key=lambda s: -(s.estimate.value or 0.0))
-            if not found:
+            indices = row.part(kind)
+            indices.sort(key=lambda s: -(s.estimate.value or 0.0))
+            if not indices:
                 continue
-            parts = ", ".join(_index(s) for s in found[:4])
-            if all(s.estimate.value is None for s in found):
-                parts = f"not known ({found[0].estimate.note})"
+            cells = (f"{s.subject} {s.estimate.with_error(UNKNOWN, 100.0)}" for s in indices[:4])
+            parts = ", ".join(cells)
+            if all(s.estimate.value is None for s in indices):
+                parts = f"not known ({indices[0].estimate.note})"
             yield f"{row.name} {row.metric}, {name} indices [%]: {parts}"
 
 
-def _index(statistic: "Statistic") -> str:
-    return f"{statistic.subject} {statistic.estimate.with_error(UNKNOWN, 100.0)}"
-
-
-def _share(row: "SummaryRow", kind: str, subject: str, factor: float = 100.0) -> str:
-    for s in row.spread:
-        if s.statistic == kind and s.subject == subject:
+def _share(row: "SummaryRow", kind: str, subject: str = "", factor: float = 1.0) -> str:
+    for s in row.part(kind):
+        if s.subject == subject:
             return s.estimate.with_error(UNKNOWN, factor)
     return ""

@@ -1,7 +1,6 @@
 """``mcsettle summarise``: the answer on one screen; every number in tables or as JSON."""
 
 import dataclasses
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcsettle.cli.options import Folder, Force, Json
-from mcsettle.cli.picture import checked_picture, draw
-from mcsettle.cli.spread import print_spread, statistics_json
+from mcsettle.cli.spread import print_spread, statistics_data
 from mcsettle.cli.tables import add_numbers, console, print_fitted, quantiles, shown, table
-from mcsettle.cli.terminal import inform, plainly, say
+from mcsettle.cli.terminal import as_json, checked_file, inform, plainly, say
 
 if TYPE_CHECKING:
     from mcsettle.summary.results import Results
@@ -30,11 +28,11 @@ def summarise(
     force: Force = False,
 ) -> None:
     """Print the answer of a run on one screen: prices, what they are worth, when the line is tamped."""
-    from mcsettle.storage.marks import refuse_others
+    from mcsettle.storage.marks import refuse_others, write_marked
     from mcsettle.summary.results import read_results
 
     if picture is not None:
-        checked_picture(picture)
+        checked_file(picture, (".png", ".svg", ".pdf"), "--picture")
     one_screen_only = not (every or json_output or picture)
     results = read_results(folder, prices_only=one_screen_only)
     if picture is not None:
@@ -44,7 +42,7 @@ def summarise(
 
         rows = summary_rows(results)
         if json_output:
-            say(summary_json(results, rows), True)
+            say(as_json(summary_data(results, rows)), True)
         else:
             print_summary(results, rows)
     else:
@@ -53,29 +51,32 @@ def summarise(
 
         say("\n".join(one_screen(results, answers(results), str(folder))))
     if picture is not None:
-        draw(results, picture, force)
+        from mcsettle.report.figures.style import drawn
+        from mcsettle.report.notebook import plot
+
+        drawing = drawn(plot(results), picture.suffix.lower().lstrip("."))
+        write_marked({picture: drawing}, results.study.identity, force)
         inform(f"Drew {picture}")
 
 
-def summary_json(results: "Results", rows: list["SummaryRow"]) -> str:
-    """Every number of the summary as JSON, standard errors and intervals included."""
+def summary_data(results: "Results", rows: list["SummaryRow"]) -> dict[str, Any]:
+    """Every number of the summary as JSON has it, standard errors and intervals included."""
     from mcsettle.summary.sign_split import sign_rows
 
     study = results.study
-    keys = ["variant", "scenario", "status"]
-    counts = results.realisations.groupby(keys).size().reset_index(name="n")
-    data = {
+    counts = results.realisations.groupby(["variant", "scenario", "status"]).size()
+    return {
         "title": study.title,
         "study_digest": study.digest,
         "seed": study.seed,
-        "counts": [
-            {key: row[key] for key in keys} | {"n": int(row["n"])} for _, row in counts.iterrows()
-        ],
-        "conditioning": list(weights_json(results)),
+        "counts": counts.reset_index(name="n").to_dict("records"),
+        "conditioning": list(weights_data(results)),
         "rows": [_json_row(row) for row in rows],
-        "sign_split": list(signs_json(sign_rows(results))),
+        "sign_split": [
+            _keys(row) | {"statistics": statistics_data(row.statistics)}
+            for row in sign_rows(results)
+        ],
     }
-    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def print_summary(results: "Results", rows: list["SummaryRow"]) -> None:
@@ -155,23 +156,22 @@ def _what_varies(results: "Results") -> str:
     return tracks if sets == 1 else f"{tracks} and {sets} parameter sets (draws of the inputs)"
 
 
+def _keys(row: "SummaryRow") -> dict[str, Any]:
+    """What a row is of."""
+    return {k: getattr(row, k) for k in ("variant", "scenario", "baseline", "metric", "unit")}
+
+
 def _json_row(row: "SummaryRow") -> dict[str, Any]:
-    reference = row.reference.model_dump() if row.reference else None
-    return {
-        "variant": row.variant,
-        "scenario": row.scenario,
-        "baseline": row.baseline,
-        "metric": row.metric,
-        "unit": row.unit,
+    return _keys(row) | {
         "statistics": [
             {"statistic": s.statistic, "level": s.level, **dataclasses.asdict(s.estimate)}
             for s in row.statistics
         ],
-        "spread": statistics_json(row.spread),
-        "reference": reference,
+        "spread": statistics_data(row.spread),
+        "reference": row.reference.model_dump() if row.reference else None,
         "reference_percent": row.reference_percent,
         "reference_range": row.reference_range,
-        "conditioned": statistics_json(row.conditioned),
+        "conditioned": statistics_data(row.conditioned),
         "conditioned_percent": row.conditioned_percent,
     }
 
@@ -210,25 +210,16 @@ def print_inputs(results: "Results", variant: str) -> None:
     out.print(inputs)
 
 
-def weights_json(results: "Results") -> Iterator[dict[str, Any]]:
+def weights_data(results: "Results") -> Iterator[dict[str, Any]]:
     """Every variant's conditioning as plain data."""
     for variant in results.study.variant_names:
-        found = results.conditioning(variant)
-        if found is not None:
+        conditioning = results.conditioning(variant)
+        if conditioning is not None:
             yield {
                 "variant": variant,
-                "parameter_sets": len(found.weights),
-                "effective": found.effective,
-                "usable": found.usable,
-                "remark": found.remark,
+                "parameter_sets": len(conditioning.weights),
+                "effective": conditioning.effective,
+                "usable": conditioning.usable,
+                "remark": conditioning.remark,
                 "inputs": [dataclasses.asdict(b) for b in results.input_bands(variant)],
             }
-
-
-def signs_json(rows: "list[SummaryRow]") -> Iterator[dict[str, Any]]:
-    """What added services roughen and harden as plain data."""
-    for row in rows:
-        keys = {
-            key: getattr(row, key) for key in ("variant", "scenario", "baseline", "metric", "unit")
-        }
-        yield keys | {"statistics": statistics_json(row.statistics)}

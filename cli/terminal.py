@@ -12,9 +12,9 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, ParamSpec, TypeVar
+from typing import Annotated, Any, ParamSpec, TypeVar
 
 import typer
 from rich import progress as bars
@@ -95,6 +95,24 @@ def say(text: str, is_data: bool = False, nl: bool = True) -> None:
     typer.echo(text if is_data else lines(text), nl=nl)
 
 
+def as_json(data: Any) -> str:
+    """``data`` as JSON.
+
+    Raises
+    ------
+    ValueError
+        A number in it is not finite.
+    """
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def say_result(
+    result: R, in_json: bool, data: Callable[[R], Any], words: Callable[[R], Iterable[str]]
+) -> None:
+    """``result`` on stdout: its ``data`` as JSON, or in ``words``, line by line."""
+    say(as_json(data(result)) if in_json else "\n".join(words(result)), in_json)
+
+
 def prepare_streams() -> None:
     """Let output be written whatever stdout and stderr are: closed, or of a small character set."""
     for name in ("stdout", "stderr"):
@@ -152,12 +170,12 @@ def plainly(command: Callable[P, R]) -> Callable[P, R]:
             _end_bar()
             _State.quiet = False
 
-    own = inspect.signature(command)
+    signature = inspect.signature(command)
     quiet = inspect.Parameter(
         "quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet
     )
-    parameters = [*own.parameters.values(), quiet]
-    wrapped.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    parameters = [*signature.parameters.values(), quiet]
+    wrapped.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return wrapped
 
 
@@ -203,6 +221,22 @@ def checked_folder(path: Path, option: str = "--out") -> Path:
         raise InputError(
             f"{option} {path}: no permission to write in {parent}; name another folder"
         )
+    return path
+
+
+def checked_file(path: Path, endings: Sequence[str], option: str = "--out") -> Path:
+    """``path`` if it has one of the ``endings`` and is no folder.
+
+    Raises
+    ------
+    InputError
+        Another ending, a folder stands there, or it is a URL.
+    """
+    refuse_url(path, option)
+    if path.suffix.lower() not in endings:
+        raise InputError(f"{option} {path}: choose a name that ends in {', '.join(endings)}")
+    if path.is_dir():
+        raise InputError(f"{option} {path} is a folder; name a file")
     return path
 
 

@@ -1,7 +1,6 @@
 """``mcsettle tornado``: which uncertain input moves the answer."""
 
 import dataclasses
-import json
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,7 +8,7 @@ import typer
 from mcsettle.cli.options import Json, StudyFile, Variant, as_allowed
 from mcsettle.cli.study_file import study_in
 from mcsettle.cli.tables import add_numbers, console, shown, table
-from mcsettle.cli.terminal import Progress, cores, plainly, say
+from mcsettle.cli.terminal import Progress, as_json, cores, plainly, say
 from mcsettle.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,7 +34,7 @@ def tornado(
 
     bars = bars_of(loaded, variant, realisations, Progress(), cores())
     if json_output:
-        say(tornado_json(bars), True)
+        say(as_json([dataclasses.asdict(bar) for bar in bars]), True)
     else:
         print_tornado(bars)
 
@@ -52,8 +51,3 @@ def print_tornado(bars: "list[Bar]") -> None:
         medians.add_row(*(head if head != previous else ("", "")), bar.input, *cells)
         previous = head
     console().print(medians)
-
-
-def tornado_json(bars: "list[Bar]") -> str:
-    """Every bar as JSON."""
-    return json.dumps([dataclasses.asdict(bar) for bar in bars], indent=1, ensure_ascii=False)

@@ -69,11 +69,13 @@ def table4_lines(table: "list[Increase]") -> Iterator[str]:
     yield f"{'':<32}" + "".join(f"{speed:>23}" for speed in speeds[1:])
     names = list(DEFINITIONS)
     for name, following in zip(names, [*names[1:], ""], strict=True):
-        own = [row for row in table if row.definition == name][1:]
-        yield f"{name:<32}" + "".join(f"{_increase(row):>23}" for row in own)
+        increases = [row for row in table if row.definition == name][1:]
+        yield f"{name:<32}" + "".join(f"{_increase(row):>23}" for row in increases)
         last = name.split(",")[0] != following.split(",")[0]  # of its kind
-        if last and any(row.published is not None for row in own):
-            published = ["–" if row.published is None else f"{row.published:g}" for row in own]
+        if last and any(row.published is not None for row in increases):
+            published = [
+                "–" if row.published is None else f"{row.published:g}" for row in increases
+            ]
             yield f"{'  published':<32}" + "".join(f"{value:>23}" for value in published)
     for name, meaning in DEFINITIONS.items():
         yield f"{name}: {meaning}"

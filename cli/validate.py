@@ -1,14 +1,14 @@
 """``mcsettle validate``: closed forms, exact solutions and convergence against the code."""
 
 import dataclasses
-import json
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mcsettle.cli.options import Json
-from mcsettle.cli.terminal import FAILED, Progress, plainly, say
+from mcsettle.cli.terminal import FAILED, Progress, as_json, plainly, say
 from mcsettle.errors import InputError
+from mcsettle.estimate.estimate import finite
 
 if TYPE_CHECKING:
     from mcsettle.verification.run_cases import Case
@@ -32,7 +32,7 @@ def validate(
     cases = run_named_cases(names or [], Progress())
     from mcsettle.verification.run_cases import table
 
-    say(cases_json(cases) if json_output else table(cases), json_output)
+    say(as_json(cases_data(cases)) if json_output else table(cases), json_output)
     if not all(case.passed for case in cases):
         raise typer.Exit(FAILED)
 
@@ -53,16 +53,16 @@ def run_named_cases(names: list[str], progress: Progress) -> list["Case"]:
             f"{', '.join(unknown)}: no such verification case; choose from {', '.join(CASES)}"
         )
     wanted = [name for name in CASES if not names or name in names]
-    found = []
+    cases = []
     for done, name in enumerate(wanted):
         progress("Verification", done, len(wanted))
-        found += run_cases([name])
+        cases += run_cases([name])
     progress("Verification", len(wanted), len(wanted))
-    return found
+    return cases
 
 
-def cases_json(cases: list["Case"]) -> str:
-    """Verification cases as JSON; a complex number is its real and imaginary part."""
+def cases_data(cases: list["Case"]) -> dict[str, Any]:
+    """Verification cases as JSON has them; a complex number is its real and imaginary part."""
     rows = [
         {
             "name": case.name,
@@ -70,17 +70,16 @@ def cases_json(cases: list["Case"]) -> str:
             "expected": _parts(case.expected),
             "obtained": _parts(case.obtained),
             "unit": case.unit,
-            "error": _finite(case.error),
+            "error": finite(case.error),
             "tolerance": case.tolerance,
             "passed": bool(case.passed),
         }
         for case in cases
     ]
-    data = {"cases": rows, "passed": all(case.passed for case in cases)}
-    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+    return {"cases": rows, "passed": all(case.passed for case in cases)}
 
 
-def convergence_text(names: list[str], as_json: bool, progress: Progress) -> str:
+def convergence_text(names: list[str], in_json: bool, progress: Progress) -> str:
     """The convergence study of these choices (none: all), as a table or JSON.
 
     Raises
@@ -94,17 +93,12 @@ def convergence_text(names: list[str], as_json: bool, progress: Progress) -> str
         levels = study_convergence(choices=tuple(names) or None, progress=progress)
     except ValueError as error:
         raise InputError(str(error)) from None
-    if as_json:
-        return json.dumps([dataclasses.asdict(level) for level in levels], indent=1)
+    if in_json:
+        return as_json([dataclasses.asdict(level) for level in levels])
     return convergence_table(levels)
 
 
 def _parts(value: complex) -> float | list[float | None] | None:
     """A number for JSON: real, or [real, imaginary]; null where it is not finite."""
     whole = complex(value)
-    return [_finite(whole.real), _finite(whole.imag)] if whole.imag else _finite(whole.real)
-
-
-def _finite(value: float) -> float | None:
-    number = float(value)
-    return number if number - number == 0.0 else None
+    return [finite(whole.real), finite(whole.imag)] if whole.imag else finite(whole.real)

@@ -99,8 +99,8 @@ def ground_and_support(study: Study, variant: str) -> str:
 
 def beside(study: Study, variant: str, first: str) -> str:
     """What ``variant`` assumes otherwise than the form ``first``."""
-    own, others = assumptions(study, variant), assumptions(study, first)
-    words = [text for subject, text in own.items() if text and text != others[subject]]
+    assumed, others = assumptions(study, variant), assumptions(study, first)
+    words = [text for subject, text in assumed.items() if text and text != others[subject]]
     return ", ".join(words) or f"as {first.replace('_', ' ')}, with a factor of its own"
 
 

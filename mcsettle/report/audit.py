@@ -37,8 +37,8 @@ def method_blocks(material: Material) -> Iterator[Block]:
         f"oscillating load, from {kind} (track {table.preset_name}). {soil} Whole trains, with car "
         "bodies, bogies and wheelsets, are coupled through the track, Eq. (3)."
     )
-    own = study.variant(material.variant).spectrum or study.profile.spectrum
-    spectrum = own.replace("_", " ").replace("fra", "FRA")
+    name = study.variant(material.variant).spectrum or study.profile.spectrum
+    spectrum = name.replace("_", " ").replace("fra", "FRA")
     spectrum = spectrum.replace("german", "German")
     profile = f"a Gaussian profile of the {spectrum} spectrum"
     if study.profile.file is not None:

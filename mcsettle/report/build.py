@@ -14,6 +14,7 @@ from mcsettle.report.pictures import (
     PAPER,
     growth_pictures,
     map_pictures,
+    paper_figure,
     single_track_pictures,
     step_a_pictures,
 )
@@ -63,9 +64,10 @@ def read_report(
     """
     material = read_material(folder, variant, miles)
     if with_track:
-        from mcsettle.analysis.track_case import table4
+        from mcsettle.analysis.track_case import table4, track_cases
 
-        case = _case_of(material, progress, processes)
+        cases = track_cases(material.study, progress, processes)
+        case = next((case for case in cases if case.variant == material.variant), cases[0])
         material = replace(material, step_a=StepAPart(case, tuple(table4(case, progress))))
     bars: Sequence[Bar] = ()
     if with_tornado and material.study.uncertain:
@@ -73,14 +75,6 @@ def read_report(
 
         bars = tornado(material.study, material.variant, progress=progress, processes=processes)
     return build(material, bars)
-
-
-def _case_of(material: Material, progress: Progress, processes: int):  # type: ignore[no-untyped-def]
-    from mcsettle.analysis.track_case import track_cases
-
-    cases = track_cases(material.study, progress, processes)
-    own = [case for case in cases if case.variant == material.variant]
-    return (own or cases)[0]
 
 
 def build(material: Material, bars: "Sequence[Bar]" = ()) -> Page:
@@ -137,13 +131,10 @@ def _track(material: Material) -> list[Block]:
 
 def _with_paper(section: Section, material: Material) -> Section:
     """Captions that name the paper's figure."""
-    speed = material.has_speed_effect
     blocks = []
     for block in section.blocks:
         if isinstance(block, Picture) and block.name in PAPER:
-            number = PAPER[block.name][0]
-            if block.name == "sd_time":
-                number = "12" if speed else "17"
-            block = replace(block, caption=f"{block.caption} Fig. {number} of the paper.")
+            figure = paper_figure(material, block.name)
+            block = replace(block, caption=f"{block.caption} Fig. {figure} of the paper.")
         blocks.append(block)
     return replace(section, blocks=tuple(blocks))

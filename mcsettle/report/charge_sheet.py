@@ -13,7 +13,8 @@ import numpy as np
 from mcsettle.report.charging import KM_PER_MILE, price_units
 from mcsettle.report.material import Material
 from mcsettle.report.price_words import USE
-from mcsettle.summary.results import INTERVAL
+from mcsettle.summary.results import INTERVAL, KEYS
+from mcsettle.summary.samples import floats
 from mcsettle.units import DAYS_PER_YEAR
 
 CHARGES, PAIRS = "charges", "pairs"
@@ -26,39 +27,30 @@ TONNE_MILE = "1000 gross tonne-mile"
 class PairColumns:
     """What the pairs of one form and scenario hold: T [years], γ, weight over divisor, all [n]."""
 
-    form: str
-    scenario: str
     years: np.ndarray
     elasticity: np.ndarray
     weight: np.ndarray
 
 
-def pair_columns(material: Material) -> list[PairColumns]:
+def pair_columns(material: Material) -> dict[tuple[str, str], PairColumns]:
     """Known pairs of every form and scenario that has a price."""
-    found = []
-    for (form, scenario), effect in material.answers.effects.items():
-        if effect.price.value is not None:
-            found.append(_pairs(material, form, scenario))
-    return found
+    effects = material.answers.effects.items()
+    return {
+        key: _pairs(material, *key) for key, effect in effects if effect.price.value is not None
+    }
 
 
 def _pairs(material: Material, form: str, scenario: str) -> PairColumns:
     results, effect = material.results, material.study.effects[scenario]
     priced = material.study.economics
     assert priced is not None
-    keys = ["parameter_set", "realisation"]
-    effects, tracks = (
-        results.pairs(form, effect),
-        results.part("realisations", form, effect.baseline),
-    )
-    known = effects[effects["status"] == "paired"][[*keys, "elasticity"]]
-    known = known.merge(tracks[[*keys, INTERVAL]], on=keys)
-    sets = known["parameter_set"].to_numpy(dtype=int)
-    conditioning = results.conditioning(form)
-    usable = conditioning is not None and conditioning.usable
-    of_sets = (
-        conditioning.weights if conditioning is not None and usable else np.ones(sets.max() + 1)
-    )
+    effects = results.pairs(form, effect)
+    tracks = results.part("realisations", form, effect.baseline)
+    pairs = effects[effects["status"] == "paired"][[*KEYS, "elasticity"]]
+    pairs = pairs.merge(tracks[[*KEYS, INTERVAL]], on=KEYS)
+    sets, of_sets = pairs["parameter_set"].to_numpy(dtype=int), results.set_weights(form)
+    if of_sets is None:
+        of_sets = np.ones(sets.max() + 1)
     factors = np.zeros(sets.max() + 1)
     for e in np.unique(sets):
         study = results.members[e].study
@@ -68,13 +60,8 @@ def _pairs(material: Material, form: str, scenario: str) -> PairColumns:
         cost = money.tamping_cost_per_track_km / priced.tamping_cost_per_track_km
         factors[e] = of_sets[e] * cost / change.divisor
     share = of_sets[sets].mean()
-    return PairColumns(
-        form,
-        scenario,
-        known[INTERVAL].to_numpy(dtype=float) / DAYS_PER_YEAR,
-        known["elasticity"].to_numpy(dtype=float),
-        factors[sets] / share,
-    )
+    years = floats(pairs, INTERVAL) / DAYS_PER_YEAR
+    return PairColumns(years, floats(pairs, "elasticity"), factors[sets] / share)
 
 
 def line_mean(pairs: PairColumns, cost: float, rate: float) -> float:
@@ -90,8 +77,8 @@ def write_charges(book: Any, material: Material) -> None:
     if priced is None or not material.answers.effects:
         return
     page, store = book.add_worksheet(CHARGES), book.add_worksheet(PAIRS)
-    forms = {(p.form, p.scenario): p for p in pair_columns(material)}
-    ranges = {key: _write_pairs(store, i, p) for i, (key, p) in enumerate(forms.items())}
+    pairs = pair_columns(material)
+    ranges = {key: _write_pairs(store, i, key, p) for i, (key, p) in enumerate(pairs.items())}
     bold = book.add_format({"bold": True, "text_wrap": True, "valign": "top"})
     _write_inputs(book, page, material)
     heads = ("scenario", "model form", "per", "price", "at the study's own values", "supported")
@@ -101,22 +88,20 @@ def write_charges(book: Any, material: Material) -> None:
     for (form, scenario), effect in material.answers.effects.items():
         words = USE[material.answers.summaries[scenario].verdict]
         if effect.price.value is None:
-            known = effect.price.n - effect.price.n_censored
-            said = f"no price: {known} of {effect.price.n} pairs of sections reach the limit"
+            n_known = effect.price.n - effect.price.n_censored
+            said = f"no price: {n_known} of {effect.price.n} pairs of sections reach the limit"
             for column, text in enumerate((scenario, form, "", said)):
                 page.write_string(row, column, text)
             row += 1
             continue
-        own = line_mean(
-            forms[form, scenario], priced.tamping_cost_per_track_km, priced.discount_rate
-        )
+        money = priced.tamping_cost_per_track_km, priced.discount_rate
+        price = line_mean(pairs[form, scenario], *money)
         for label, factor in _units(material, scenario):
             for column, text in enumerate((scenario, form, label)):
                 page.write_string(row, column, text)
-            page.write_formula(
-                row, 3, _formula(ranges[form, scenario], factor), amount, own * factor
-            )
-            page.write_number(row, 4, own * factor, amount)
+            formula = _formula(ranges[form, scenario], factor)
+            page.write_formula(row, 3, formula, amount, price * factor)
+            page.write_number(row, 4, price * factor, amount)
             page.write_string(row, 5, words)
             row += 1
     page.autofilter(FIRST_ROW - 1, 0, max(row - 1, FIRST_ROW), len(heads) - 1)
@@ -153,26 +138,28 @@ def _write_inputs(book: Any, page: Any, material: Material) -> None:
 
 def _units(material: Material, scenario: str) -> list[tuple[str, float]]:
     """Every unit a price is asked in, with its factor: also per tonne-mile."""
-    found = []
+    units = []
     for unit in price_units(material.study, scenario):
-        found.append((unit.label, unit.factor))
+        units.append((unit.label, unit.factor))
         if unit.label == "1000 gross tonne-km":
-            found.append((TONNE_MILE, unit.factor * KM_PER_MILE))
-    return found
+            units.append((TONNE_MILE, unit.factor * KM_PER_MILE))
+    return units
 
 
-def _write_pairs(page: Any, block: int, pairs: PairColumns) -> tuple[str, str, str]:
+def _write_pairs(
+    page: Any, block: int, key: tuple[str, str], pairs: PairColumns
+) -> tuple[str, str, str]:
     """Three columns of the sheet ``pairs``; their ranges as formulas name them."""
     import xlsxwriter.utility as cells
 
-    names = []
+    (form, scenario), names = key, []
     columns = (
         ("baseline interval, years", pairs.years),
         ("elasticity", pairs.elasticity),
         ("weight over divisor", pairs.weight),
     )
     for place, (title, values) in enumerate(columns, 3 * block):
-        page.write_string(0, place, f"{pairs.scenario}, {pairs.form}: {title}")
+        page.write_string(0, place, f"{scenario}, {form}: {title}")
         page.write_column(1, place, values.tolist())
         names.append(f"{PAIRS}!{cells.xl_range_abs(1, place, len(values), place)}")
     return names[0], names[1], names[2]

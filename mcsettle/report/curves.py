@@ -13,6 +13,7 @@ from mcsettle.report.histories import day_grid, on_grid
 from mcsettle.report.material import Material
 from mcsettle.report.words import mostly_known
 from mcsettle.summary.results import CENSORED, INTERVAL
+from mcsettle.summary.samples import floats
 from mcsettle.units import DAYS_PER_YEAR
 
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -24,23 +25,20 @@ LEAST_FOR_DOTS = 30
 def fans(material: Material) -> list[Fan]:
     """SD in time of every scenario of the answer's variant that has a history."""
     grids = _histories(material, at_limit=True)
-    known = _histories(material, at_limit=False)
+    until_tamped = _histories(material, at_limit=False)
     baselines = {e.scenario: e.baseline for e in reversed(list(material.study.effects.values()))}
-    found = []
+    shown = []
     for scenario, grid in grids.items():
-        quantiles = _by_day(grid, LEVELS)
-        per_day = material.study.mgt_per_day(scenario)
-        difference = None
-        baseline = baselines.get(scenario)
+        difference, baseline = None, baselines.get(scenario)
         if baseline in grids:
-            difference = _by_day(known[scenario] - known[baseline], LEVELS[1:-1])
-        found.append(
+            difference = _by_day(until_tamped[scenario] - until_tamped[baseline], LEVELS[1:-1])
+        shown.append(
             Fan(
-                material.title(scenario), grid.index.to_numpy(float), quantiles, per_day,
-                material.tint(scenario), difference,
+                material.title(scenario), grid.index.to_numpy(float), _by_day(grid, LEVELS),
+                material.study.mgt_per_day(scenario), material.tint(scenario), difference,
             )
         )  # fmt: skip
-    return _cut(found, material.study.limit.sd_limit_mm)
+    return _cut(shown, material.study.limit.sd_limit_mm)
 
 
 def _by_day(grid: pd.DataFrame, levels: tuple[float, ...]) -> np.ndarray:
@@ -54,46 +52,50 @@ def _by_day(grid: pd.DataFrame, levels: tuple[float, ...]) -> np.ndarray:
     return quantiles
 
 
-def rates(material: Material, window: float = MOVING) -> list[Rate]:
-    """Change of the SD over the last ``window`` days, per year, by scenario.
+def rates(material: Material) -> list[Rate]:
+    """Change of the SD over the last ``MOVING`` days, per year, by scenario.
 
     A track that was tamped in between counts until then no more.
     """
-    found = []
+    curves = []
     for scenario, grid in _histories(material, at_limit=False).items():
         days, sd = grid.index.to_numpy(float), grid.to_numpy(float)
         steps = []
-        for last in np.flatnonzero(days > days[0] + 0.5 * window):
-            start = np.argmin(np.abs(days[:last] - (days[last] - window)))
+        for last in np.flatnonzero(days > days[0] + 0.5 * MOVING):
+            start = np.argmin(np.abs(days[:last] - (days[last] - MOVING)))
             change = sd[last] - sd[start]
             per_year = DAYS_PER_YEAR / (days[last] - days[start])
-            known = change[np.isfinite(change)] * per_year
+            changes = change[np.isfinite(change)] * per_year
             # Once half of the tracks are tamped the rest is no sample of them all.
-            if known.size >= max(3, 0.5 * sd.shape[1]):
-                steps.append((days[last], *np.quantile(known, (0.05, 0.5, 0.95))))
+            if changes.size >= max(3, 0.5 * sd.shape[1]):
+                steps.append((days[last], *np.quantile(changes, (0.05, 0.5, 0.95))))
         if len(steps) > 1:
-            table = np.array(steps).T
-            tint = material.tint(scenario)
-            found.append(Rate(material.title(scenario), table[0], table[1:], tint))
-    return found
+            at, *rate = np.array(steps).T
+            curves.append(
+                Rate(material.title(scenario), at, np.array(rate), material.tint(scenario))
+            )
+    return curves
 
 
 def survivals(material: Material) -> list[Survival]:
     """Kaplan–Meier curve of every scenario of the answer's variant."""
-    found = []
+    curves = []
     for scenario in material.study.scenario_names:
         table = material.tracks(scenario)
         if table.empty:
             continue
-        days, ends = (_floats(table, c) for c in (INTERVAL, CENSORED))
+        days, ends = (floats(table, column) for column in (INTERVAL, CENSORED))
         events, horizons = days[np.isfinite(days)], ends[np.isnan(days) & np.isfinite(ends)]
-        row = material.row(scenario, INTERVAL)
-        published = row.reference.value if row is not None and row.reference else None
-        end = float(np.max([*events, *horizons]))
-        curve = _kaplan_meier(events, horizons)
-        tint = material.tint(scenario)
-        found.append(Survival(material.title(scenario), *curve, end, tint, published))
-    return found
+        curves.append(
+            Survival(
+                material.title(scenario),
+                *_kaplan_meier(events, horizons),
+                float(np.max([*events, *horizons])),
+                material.tint(scenario),
+                material.published(scenario, INTERVAL),
+            )
+        )
+    return curves
 
 
 def spreads(material: Material, metric: str, dots: bool = False) -> list[Spread]:
@@ -101,84 +103,63 @@ def spreads(material: Material, metric: str, dots: bool = False) -> list[Spread]
 
     ``dots``: with values that stand for equal shares of the sections.
     """
-    found = []
-    for scenario in material.compared:
-        table = material.effects(scenario)
-        row = material.row(scenario, metric)
-        values = _floats(table, metric) if not table.empty else np.zeros(0)
+    bands = []
+    for name in material.compared:
+        table, row = material.effects(name), material.row(name, metric)
+        values = np.zeros(0) if table.empty else floats(table, metric)
         values = values[np.isfinite(values)]
-        quantiles = None
-        shown = row is not None and row.at(0.5).value is not None and mostly_known(row)
-        if len(values) and shown:
-            quantiles = tuple(float(q) for q in np.quantile(values, LEVELS))
-        published = row.reference.value if row is not None and row.reference else None
-        shares = (np.arange(DOTS) + 0.5) / DOTS
-        some = dots and quantiles is not None and len(values) >= LEAST_FOR_DOTS
-        shown_dots = np.quantile(values, shares) if some else None
-        found.append(
-            Spread(
-                material.title(scenario), quantiles, material.tint(scenario), published, shown_dots
-            )
-        )
-    return found
+        quantiles = shown_dots = None
+        if len(values) and row is not None and row.at(0.5).value is not None and mostly_known(row):
+            quantiles = tuple(np.quantile(values, LEVELS).tolist())
+            if dots and len(values) >= LEAST_FOR_DOTS:
+                shown_dots = np.quantile(values, (np.arange(DOTS) + 0.5) / DOTS)
+        title, published = material.title(name), material.published(name, metric)
+        bands.append(Spread(title, quantiles, material.tint(name), published, shown_dots))
+    return bands
 
 
 def growths(material: Material, metric: str) -> list[Spread]:
     """Quantiles of a column of ``realisations`` in every scenario, where all of them are known."""
-    found = []
+    bands = []
     for scenario in material.study.scenario_names:
-        row, table = material.row(scenario, metric), material.tracks(scenario)
-        if row is None or table.empty:
+        table = material.tracks(scenario)
+        if material.row(scenario, metric) is None or table.empty:
             continue
-        values = _floats(table, metric)
+        values = floats(table, metric)
         gaps = np.isnan(values)
         quantiles = None
-        if not gaps.all() and gaps.mean() < 0.5:
+        if gaps.mean() < 0.5:
             # Tracks tamped before have grown more: how much more is not known.
             filled = np.where(gaps, np.inf, values)
-            found_at = np.quantile(filled, LEVELS, method="inverted_cdf")
-            quantiles = tuple(float(q) for q in found_at)
-        published = row.reference.value if row.reference else None
-        found.append(
-            Spread(material.title(scenario), quantiles, material.tint(scenario), published)
-        )
-    return found
+            quantiles = tuple(np.quantile(filled, LEVELS, method="inverted_cdf").tolist())
+        title, published = material.title(scenario), material.published(scenario, metric)
+        bands.append(Spread(title, quantiles, material.tint(scenario), published))
+    return bands
 
 
 def convergence(material: Material) -> list[Convergence]:
     """Median interval with its 95 % interval for the first n tracks, n doubling up to all."""
-    found = []
-    n = material.n_tracks
-    counts = [n]
-    while counts[-1] >= 16 and len(counts) < 8:
-        counts.append(-(-counts[-1] // 2))
+    if material.n_sets > 1:
+        return []
+    sizes = [material.n_tracks]
+    while sizes[-1] >= 16 and len(sizes) < 8:
+        sizes.append(-(-sizes[-1] // 2))
+    curves = []
     for scenario in material.study.scenario_names:
         table = material.tracks(scenario)
         points = []
-        for count in sorted(counts):
-            part = table[table["realisation"] < count]
-            if part.empty or material.n_sets > 1:
+        for size in reversed(sizes):
+            part = table[table["realisation"] < size]
+            if part.empty:
                 continue
-            found_at = interval_quantile(_floats(part, INTERVAL), _floats(part, CENSORED), 0.5)
-            if found_at.value is not None:
-                limits = (found_at.lower, found_at.upper)
-                points.append((count, found_at.value, *(_or_nan(v) for v in limits)))
+            median = interval_quantile(floats(part, INTERVAL), floats(part, CENSORED), 0.5)
+            if median.value is not None:
+                points.append((size, median.value, median.lower, median.upper))
         if points:
-            counts, value, low, high = np.array(points, float).T
-            found.append(
-                Convergence(
-                    material.title(scenario), counts, value, low, high, material.tint(scenario)
-                )
-            )
-    return found
-
-
-def _or_nan(value: float | None) -> float:
-    return np.nan if value is None else value
-
-
-def _floats(table: pd.DataFrame, column: str) -> np.ndarray:
-    return table[column].to_numpy(dtype=float, na_value=np.nan)
+            counts, value, low, high = np.array(points, float).T  # NaN where a limit is open
+            title, tint = material.title(scenario), material.tint(scenario)
+            curves.append(Convergence(title, counts, value, low, high, tint))
+    return curves
 
 
 def _histories(material: Material, at_limit: bool) -> dict[str, pd.DataFrame]:
@@ -187,34 +168,28 @@ def _histories(material: Material, at_limit: bool) -> dict[str, pd.DataFrame]:
     ``at_limit``: a tamped track stays at its limit; else it is known no more.
     """
     study = material.study
-    parts = {n: material.history(n) for n in study.scenario_names}
-    parts = {name: own for name, own in parts.items() if not own.empty}
+    parts = {name: material.history(name) for name in study.scenario_names}
+    parts = {name: history for name, history in parts.items() if not history.empty}
     if not parts:
         return {}
-    days = day_grid(max(float(own["day"].max()) for own in parts.values()))
+    days = day_grid(max(float(history["day"].max()) for history in parts.values()))
     limit = study.limit.sd_limit_mm if at_limit else None
-    return {name: on_grid(own, days, limit) for name, own in parts.items()}
+    return {name: on_grid(history, days, limit) for name, history in parts.items()}
 
 
-def _cut(found: list[Fan], limit: float) -> list[Fan]:
+def _cut(shown: list[Fan], limit: float) -> list[Fan]:
     """Fans up to the day by which most tracks of every scenario are at the limit."""
-    if not found:
-        return found
     ends = []
-    for fan in found:
+    for fan in shown:
         full = np.flatnonzero(fan.quantiles[0] >= limit * (1.0 - 1e-9))
         ends.append(fan.days[full[0]] if len(full) else fan.days[-1])
-    last = max(ends)
-    kept = [fan.days <= last for fan in found]
-    return [
-        replace(
-            fan,
-            days=fan.days[keep],
-            quantiles=fan.quantiles[:, keep],
-            difference=None if fan.difference is None else fan.difference[:, keep],
-        )
-        for fan, keep in zip(found, kept, strict=True)
-    ]
+    cut = []
+    for fan in shown:
+        keep = fan.days <= max(ends)
+        difference = None if fan.difference is None else fan.difference[:, keep]
+        days, quantiles = fan.days[keep], fan.quantiles[:, keep]
+        cut.append(replace(fan, days=days, quantiles=quantiles, difference=difference))
+    return cut
 
 
 def _kaplan_meier(

@@ -6,7 +6,6 @@ formulas), ``summary``, ``effects``, ``realisations``,
 numbers, empty cells are unknown. Text never becomes a formula. The same run gives the same bytes.
 """
 
-import csv
 import datetime
 import io
 import math
@@ -20,7 +19,7 @@ import pandas as pd
 from mcsettle.errors import InputError
 from mcsettle.report.charge_sheet import write_charges
 from mcsettle.report.material import Material, rows_digest
-from mcsettle.report.outgoing import csv_cell, plain
+from mcsettle.report.outgoing import csv_text, plain
 from mcsettle.report.register import entries
 from mcsettle.run.columns import summary_columns
 from mcsettle.storage.marks import NAME, write_marked
@@ -53,7 +52,7 @@ class Sheet:
 def sheets(material: Material) -> list[Sheet]:
     """Every table of an export."""
     summary = summary_columns(list(material.rows))
-    found = [
+    tables = [
         _about(material),
         Sheet("summary", tuple(summary), tuple(zip(*summary.values(), strict=True))),
         _frame("effects", material.results.effects),
@@ -62,7 +61,7 @@ def sheets(material: Material) -> list[Sheet]:
         _scenarios(material),
         _columns(material.study.currency),
     ]
-    return [sheet for sheet in found if sheet.columns]
+    return [sheet for sheet in tables if sheet.columns]
 
 
 def write_csv(material: Material, folder: Path, force: bool = False) -> list[Path]:
@@ -75,12 +74,8 @@ def write_csv(material: Material, folder: Path, force: bool = False) -> list[Pat
     """
     files = {}
     for sheet in sheets(material):
-        stream = io.StringIO()
-        writer = csv.writer(stream)
-        writer.writerow(sheet.columns)
-        for row in sheet.rows:
-            writer.writerow([_csv_cell(value) for value in row])
-        files[folder / f"{sheet.name}.csv"] = stream.getvalue().encode()
+        text = csv_text(sheet.columns, ([_cell(value) for value in row] for row in sheet.rows))
+        files[folder / f"{sheet.name}.csv"] = text.encode()
     return write_marked(files, material.study.identity, force)
 
 
@@ -161,12 +156,6 @@ def _cell(value: Any) -> Any:
     return plain(value) if isinstance(value, str) else value
 
 
-def _csv_cell(value: Any) -> Any:
-    """As ``_cell``; a text that a spreadsheet would take for a formula gets an apostrophe."""
-    cell = _cell(value)
-    return csv_cell(cell) if isinstance(cell, str) else cell
-
-
 def _frame(name: str, table: pd.DataFrame) -> Sheet:
     rows = tuple(table.itertuples(index=False, name=None))
     return Sheet(name, tuple(str(column) for column in table.columns), rows)
@@ -192,38 +181,31 @@ def _about(material: Material) -> Sheet:
 
 
 def _inputs(material: Material) -> Sheet:
-    rows = [
-        (
-            e.path,
-            e.value if e.given is None else e.given,
-            e.unit,
-            e.distribution,
-            e.set_by,
-            e.source,
-        )
-        for e in entries(material.study)
-    ]
+    rows = []
+    for e in entries(material.study):
+        value = e.value if e.given is None else e.given
+        rows.append((e.path, value, e.unit, e.distribution, e.set_by, e.source))
     names = ("input", "value", "unit", "distribution", "set_by", "source")
     return Sheet("inputs", names, tuple(rows))
 
 
 def _scenarios(material: Material) -> Sheet:
-    study, rows = material.study, []
-    for scenario in study.scenarios:
-        for place, entry in enumerate(scenario.timetable, 1):
-            rows.append(
-                (
-                    scenario.name,
-                    scenario.title,
-                    place,
-                    entry.train,
-                    entry.speed_kmh,
-                    entry.per_day,
-                    study.timetable(scenario.name).mass_per_day / MGT,
-                    study.mgt_per_day(scenario.name),
-                    study.mgt_per_year(scenario.name),
-                )
-            )
+    study = material.study
+    rows = [
+        (
+            scenario.name,
+            scenario.title,
+            place,
+            entry.train,
+            entry.speed_kmh,
+            entry.per_day,
+            study.timetable(scenario.name).mass_per_day / MGT,
+            study.mgt_per_day(scenario.name),
+            study.mgt_per_year(scenario.name),
+        )
+        for scenario in study.scenarios
+        for place, entry in enumerate(scenario.timetable, 1)
+    ]
     names = (
         "scenario", "title", "service", "train", "speed_kmh", "per_day", "mgt_per_day_of_trains",
         "mgt_per_day_stated", "mgt_per_year",

@@ -9,7 +9,7 @@ from mcsettle.report.form_bars import MOST_LINES, MOST_TOLD, form_bars
 from mcsettle.report.material import Material
 from mcsettle.report.money import symbol
 from mcsettle.report.page import Block, Bullets, Columns, Lead, Table, Text
-from mcsettle.report.price_words import answer_sentence, changes_of, span, tamped_on
+from mcsettle.report.price_words import answer_sentence, interval_words
 from mcsettle.report.words import cut
 from mcsettle.summary.answers import Answers
 
@@ -46,24 +46,13 @@ def shown_scenarios(answers: Answers) -> list[str]:
 
 def interval_table(material: Material) -> Table:
     """When the line is tamped: days, half of the sections, the change."""
-    answers, rows = material.answers, []
-    late = f"> {number(material.study.limit.horizon_days, 0)}"
+    rows = []
     for scenario in material.study.scenario_names:
-        found = answers.intervals.get((answers.form, scenario))
-        if found is None:
-            continue
-        low, high = (number(day, 0, late) for day in found.half)
-        middle = late if found.median.value is None else found.median.with_error()
-        date = tamped_on(material.study, found.median.value)
-        rows.append(
-            (cut(scenario, 20), middle, date, span(low, high), changes_of(answers, scenario))
-        )
+        words = interval_words(material.answers, scenario)
+        if words is not None:
+            rows.append((cut(scenario, 20), *words))
     head = ("", "days", "month", "half of the sections", "change")
-    kept = [i for i in range(len(head)) if i in (0, 1, 3) or any(row[i] for row in rows)]
-    columns = tuple(head[i] for i in kept)
-    return Table(
-        "When is the line tamped?", columns, tuple(tuple(row[i] for i in kept) for row in rows), 1
-    )
+    return Table("When is the line tamped?", head, tuple(rows), 1)
 
 
 def _price_of(material: Material) -> Iterator[str]:
@@ -96,8 +85,8 @@ def _rests_on(material: Material) -> Iterator[str]:
 
 def _warnings(material: Material) -> Iterator[Block]:
     table = material.results.realisations
-    own = table[table["variant"] == material.variant]
-    n, counts = len(own), own["status"].value_counts()
+    rows = table[table["variant"] == material.variant]
+    n, counts = len(rows), rows["status"].value_counts()
     failed, censored = int(counts.get("failed", 0)), int(counts.get("censored", 0))
     if failed:
         yield Text(f"{failed} of {n} realisations failed and are left out; their rows say why.",

@@ -7,15 +7,14 @@ from matplotlib.ticker import MaxNLocator
 
 from mcsettle.estimate.rounding import number
 from mcsettle.report.assumptions import beside, ground_and_support
-from mcsettle.report.charging import PriceUnit, headline_unit
+from mcsettle.report.charging import PriceUnit
 from mcsettle.report.material import Material
-from mcsettle.report.money import money_for
 from mcsettle.report.page import Bar, BarRow, Bars
 from mcsettle.report.price_words import (
     interval_change,
     price_interval,
     price_places,
-    scaled_unit,
+    priced_in,
     sections_words,
     sign_words,
 )
@@ -32,7 +31,7 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
     """The line prices of ``scenarios`` in every form, on one axis with zero."""
     answers, study = material.answers, material.study
     shown = [(f, name) for f in answers.forms for name in scenarios if (f, name) in answers.effects]
-    label, money, units = _units(material, scenarios)
+    label, units = priced_in(answers, scenarios, material.miles)
     low, high = _ends(material, shown, units)
     span = high - low
 
@@ -59,9 +58,9 @@ def form_bars(material: Material, scenarios: list[str]) -> Bars:
     )  # fmt: skip
     ringed = any(bar.published is not None for row in rows for bar in row.bars)
     of = f" of {scenarios[0]}" if len(scenarios) == 1 else ""
-    axis = f"price, {money} per {label}"
+    axis = f"price, {label}"
     return Bars(
-        caption=f"Price{of} in every model form, {money} per {label}",
+        caption=f"Price{of} in every model form, {label}",
         axis=axis,
         head=head,
         zero=place(0.0),
@@ -81,21 +80,6 @@ def _more(material: Material) -> str:
     return f" {more} more scenarios under Prices by model form." if more > 0 else ""
 
 
-def _units(material: Material, scenarios: list[str]) -> tuple[str, str, dict[str, PriceUnit]]:
-    """What the prices are per, the money they are in, and the unit of each scenario in it."""
-    study, answers = material.study, material.answers
-    units = {name: headline_unit(study, name, material.miles) for name in scenarios}
-    prices = [
-        amount * units[name].factor
-        for (_, name), effect in answers.effects.items()
-        for amount in (effect.price.value, effect.at_most)
-        if name in units and amount is not None
-    ]
-    money = money_for(study.currency, prices)
-    scaled = {name: scaled_unit(unit, money.scale) for name, unit in units.items()}
-    return units[scenarios[0]].label, (money.word or money.sign).strip(), scaled
-
-
 def _ends(
     material: Material, shown: list[tuple[str, str]], units: dict[str, PriceUnit]
 ) -> tuple[float, float]:
@@ -103,16 +87,11 @@ def _ends(
     values = [0.0]
     for key in shown:
         price, name = material.answers.effects[key].price, key[1]
-        ends = price.value, price.lower, price.upper, _published(material, name)
+        ends = price.value, price.lower, price.upper, material.published(name, "marginal_cost")
         values += [v * units[name].factor for v in ends if v is not None]
     low, high = min(values), max(values)
     margin = MARGIN * ((high - low) or 1.0)
     return low - margin, high + margin
-
-
-def _published(material: Material, scenario: str) -> float | None:
-    row = material.row(scenario, "marginal_cost")
-    return None if row is None or row.reference is None else row.reference.value
 
 
 def _bar(
@@ -124,7 +103,7 @@ def _bar(
     places = [None if v is None else place(v * unit.factor) for v in ends]
     if unit.factor < 0.0:
         places.reverse()
-    middle, published = effect.price.value, _published(material, name)
+    middle, published = effect.price.value, material.published(name, "marginal_cost")
     return Bar(
         cut(name, 20),
         material.tint(name),

@@ -9,7 +9,7 @@ from mcsettle.report.first_page import shown_scenarios
 from mcsettle.report.form_bars import form_bars
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Table
-from mcsettle.report.price_words import USE
+from mcsettle.report.price_words import USE, range_words
 from mcsettle.report.words import cut
 
 AT_ONCE = 4  # scenarios on one axis
@@ -32,17 +32,13 @@ def _ranges(material: Material) -> Table:
     rows = []
     for name, summary in material.answers.summaries.items():
         unit = headline_unit(material.study, name, material.miles)
-
-        def words(ends: tuple[float, float] | None, factor: float = unit.factor) -> str:
-            if ends is None:
-                return "not known"
-            low, high = (number(end) for end in sorted(end * factor for end in ends))
-            return low if low == high else f"{low} to {high}"
-
         settled = f"{summary.settled} of {len(summary.effects)}"
         verdict = f"{USE[summary.verdict]}: {summary.reason}"
-        cells = (words(summary.prices), words(summary.medians), settled, verdict)
-        rows.append((cut(name, 40), f"per {unit.label}", *cells))
+        ranges = (
+            range_words(ends, unit.factor, None, "not known")
+            for ends in (summary.prices, summary.medians)
+        )
+        rows.append((cut(name, 40), f"per {unit.label}", *ranges, settled, verdict))
     head = ("scenario", "unit", "line means", "median sections", "sign settled", "supported")
     note = (
         "Line means and median sections: lowest and highest over the model forms, in the study's "
@@ -58,14 +54,14 @@ def _forms(material: Material) -> Table:
     first = study.reference_scenario
     for form in answers.forms:
         settings = study.settlement_settings(form)
-        found = answers.intervals.get((form, first))
+        interval = answers.intervals.get((form, first))
         rows.append(
             (
                 form,
                 told_apart(study, form, answers.forms),
                 f"{settings.settlement_factor:g}",
-                "" if found is None else found.median.with_error(),
-                "" if found is None else number(found.settlement),
+                "" if interval is None else interval.median.with_error(),
+                "" if interval is None else number(interval.settlement),
                 f"{settings.ballast_cycles_before:g}",
             )
         )

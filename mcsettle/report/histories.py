@@ -3,6 +3,8 @@
 import numpy as np
 import pandas as pd
 
+from mcsettle.summary.results import KEYS
+
 POINTS = 161  # days of the grid
 
 
@@ -20,15 +22,13 @@ def on_grid(history: pd.DataFrame, days: np.ndarray, limit: float | None) -> pd.
     days : ndarray, shape [D], days
     limit : mm, kept after a tamping; None: nothing is known after the last day
     """
-    keys = ["parameter_set", "realisation"]
-    columns = (history[name].to_numpy() for name in (*keys, "day", "sd_mm"))
-    sets, tracks, day, sd = columns
+    sets, tracks, day, sd = (history[name].to_numpy() for name in (*KEYS, "day", "sd_mm"))
     order = np.lexsort((day, tracks, sets))
     sets, tracks, day, sd = sets[order], tracks[order], day[order], sd[order]
     starts = np.flatnonzero(np.diff(sets, prepend=-1) | np.diff(tracks, prepend=-1))
     curves = []
-    for own_day, own_sd in zip(np.split(day, starts[1:]), np.split(sd, starts[1:]), strict=True):
-        after = np.nan if limit is None or own_sd[-1] < limit * (1.0 - 1e-6) else limit
-        curves.append(np.interp(days, own_day, own_sd, right=after))
-    names = pd.MultiIndex.from_arrays([sets[starts], tracks[starts]], names=keys)
+    for part_day, part_sd in zip(np.split(day, starts[1:]), np.split(sd, starts[1:]), strict=True):
+        after = np.nan if limit is None or part_sd[-1] < limit * (1.0 - 1e-6) else limit
+        curves.append(np.interp(days, part_day, part_sd, right=after))
+    names = pd.MultiIndex.from_arrays([sets[starts], tracks[starts]], names=KEYS)
     return pd.DataFrame(np.array(curves).T, index=days, columns=names)

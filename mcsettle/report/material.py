@@ -12,7 +12,7 @@ from mcsettle.analysis.track_case import TrackCase
 from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.study.study import Study
 from mcsettle.summary.answers import Answers, answers
-from mcsettle.summary.results import Results, read_results
+from mcsettle.summary.results import KEYS, Results, read_results
 from mcsettle.summary.summary import SummaryRow, summary_rows
 
 
@@ -61,25 +61,27 @@ class Material:
 
     def row(self, name: str, metric: str, variant: str | None = None) -> SummaryRow | None:
         """One row of a scenario or effect, of the answer's variant unless another is named."""
-        wanted = (variant or self.variant, name, metric)
-        found = (r for r in self.rows if (r.variant, r.name, r.metric) == wanted)
-        return next(found, None)
+        key = (variant or self.variant, name, metric)
+        return next((r for r in self.rows if (r.variant, r.name, r.metric) == key), None)
+
+    def published(self, name: str, metric: str) -> float | None:
+        """The published value of a metric of a scenario or effect; None without."""
+        row = self.row(name, metric)
+        return None if row is None or row.reference is None else row.reference.value
 
     def tracks(self, scenario: str, variant: str | None = None) -> pd.DataFrame:
         """Rows of ``realisations`` of one scenario that did not fail."""
-        table = self.results.part("realisations", variant or self.variant, scenario)
-        return table[table["status"] != "failed"]
+        return self.results.sound(variant or self.variant, scenario)
 
     def history(self, scenario: str) -> pd.DataFrame:
         """Rows of ``history`` of one scenario in the answer's variant, of tracks that did not fail."""
-        own = self.results.part("history", self.variant, scenario)
+        history = self.results.part("history", self.variant, scenario)
         table = self.results.part("realisations", self.variant, scenario)
         failed = table[table["status"] == "failed"]
-        if own.empty or failed.empty:
-            return own
-        keys = ["parameter_set", "realisation"]
-        lost = pd.MultiIndex.from_frame(failed[keys])
-        return own[~pd.MultiIndex.from_frame(own[keys]).isin(lost)]
+        if history.empty or failed.empty:
+            return history
+        lost = pd.MultiIndex.from_frame(failed[KEYS])
+        return history[~pd.MultiIndex.from_frame(history[KEYS]).isin(lost)]
 
     def effects(self, name: str) -> pd.DataFrame:
         """Rows of ``effects`` of the effect ``name`` with both intervals known."""

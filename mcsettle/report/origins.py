@@ -12,6 +12,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from pydantic import BaseModel
+
 from mcsettle.railway.vehicle import VEHICLES
 from mcsettle.study.build import SETTLEMENT_KEYS, resolved_track
 from mcsettle.study.build_trains import resolved_train, shipped_vehicles
@@ -71,8 +73,12 @@ class Origins:
         steps = path.split(".")
         if steps[0] != "variants" or steps[-1] not in SETTLEMENT_KEYS:
             return None
-        own = getattr(self.study.settlement, steps[-1])
-        return f"settlement.{steps[-1]}" if own is not None and _equal(own, value) else None
+        inherited = getattr(self.study.settlement, steps[-1])
+        return (
+            f"settlement.{steps[-1]}"
+            if inherited is not None and _equal(inherited, value)
+            else None
+        )
 
     def _of_vehicle(self, path: str) -> Origin | None:
         """Origin of what a train takes from a vehicle that is not one of the paper's."""
@@ -116,16 +122,15 @@ def _defaults(study: Study) -> dict[str, Any]:
         if t.consist is not None:  # every car of it is the study's own choice
             continue
         plain = TrainTable(vehicle=t.vehicle, cars=t.cars)
-        own = _dump(resolved_train(plain, study.vehicle_tables))
-        data["trains"][name] = {k: v for k, v in own.items() if k not in ("vehicle", "cars")}
+        resolved = _dump(resolved_train(plain, study.vehicle_tables))
+        data["trains"][name] = {k: v for k, v in resolved.items() if k not in ("vehicle", "cars")}
     if study.economics is not None:
         data["economics"] = _dump(EconomicsTable())
     return dict(leaves(data))
 
 
-def _dump(table: Any) -> dict[str, Any]:
-    found: dict[str, Any] = table.model_dump(mode="json", by_alias=True, exclude_none=True)
-    return found
+def _dump(table: BaseModel) -> dict[str, Any]:
+    return table.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
 def _equal(one: Any, other: Any) -> bool:
@@ -138,5 +143,4 @@ def _equal(one: Any, other: Any) -> bool:
 @cache
 def _rules() -> list[Mapping[str, Any]]:
     text = files("mcsettle.report").joinpath("register.toml").read_text(encoding="utf-8")
-    rules: list[Mapping[str, Any]] = tomllib.loads(text)["rule"]
-    return rules
+    return list(tomllib.loads(text)["rule"])

@@ -4,8 +4,11 @@ A text is data wherever it goes: it moves no cursor, fills no clipboard, makes n
 formula and no markup. What can be seen of it stays as it is.
 """
 
+import csv
+import io
 import re
 import unicodedata
+from collections.abc import Iterable, Sequence
 
 REPLACED = "\ufffd"  # stands for a character that is not shown
 # Characters that turn the direction of a text or have no width, and so hide what stands there.
@@ -58,6 +61,16 @@ def csv_cell(text: str) -> str:
     """
     begun = next((c for c in text if not _is_passed_over(c)), "")
     return f"'{text}" if _FORMULA.match(begun) or (text[:1] in "\t\r" and text) else text
+
+
+def csv_text(heading: Sequence[str], rows: Iterable[Sequence[object]], end: str = "\r\n") -> str:
+    """A table as CSV with lines that ``end`` so (RFC 4180: CR LF), its texts as ``csv_cell`` has them."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator=end)
+    writer.writerow(heading)
+    for row in rows:
+        writer.writerow([csv_cell(value) if isinstance(value, str) else value for value in row])
+    return stream.getvalue()
 
 
 def html(text: str) -> str:

@@ -52,13 +52,13 @@ def find_browser() -> str:
         if Path(named).is_file():
             return named
         raise InputError(f"{VARIABLE} names {named}, which is no file")
-    found = next((path for name in NAMES if (path := shutil.which(name))), None)
-    if found:
-        return found
+    installed = next((path for name in NAMES if (path := shutil.which(name))), None)
+    if installed:
+        return installed
     with sync_playwright() as tool:
-        own = tool.chromium.executable_path
-    if Path(own).is_file():
-        return own
+        bundled = tool.chromium.executable_path
+    if Path(bundled).is_file():
+        return bundled
     raise InputError(
         "a PDF needs Chromium: install it (package 'chromium', or 'playwright install chromium'), or "
         f"name it in {VARIABLE}; or print the HTML file from a browser"
@@ -103,4 +103,4 @@ def _numbered(content: bytes) -> bytes:
     """The tags' names counted from 1 in their order: the browser's own numbers differ each time."""
     names = sorted(set(TAG.findall(content)))
     rank = {name: b"%08d" % place for place, name in enumerate(names, 1)}
-    return TAG.sub(lambda found: b"(node" + rank[found[1]] + b")", content)
+    return TAG.sub(lambda tag: b"(node" + rank[tag[1]] + b")", content)

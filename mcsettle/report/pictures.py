@@ -6,7 +6,6 @@
 from collections.abc import Iterator
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from mcsettle.analysis.stress_under_train import stress_along
 from mcsettle.analysis.track_case import layer_tops
@@ -21,11 +20,11 @@ from mcsettle.report.single_tracks import (
     TRACK,
     mixed_days,
     mixed_scenario,
-    prepared_step_a,
     profiles_at_limit,
 )
 from mcsettle.report.track_pictures import track_figures
 from mcsettle.report.words import cut
+from mcsettle.step_a.transfers import step_a
 from mcsettle.summary.results import INTERVAL
 from mcsettle.units import KN, KPA, MM
 
@@ -65,6 +64,13 @@ OF_THE_PAPER = ("vehicle_models", "freight_passage")  # of its own trains, whate
 PAGE_WIDTH = 9.2  # inches of the widest picture
 MOST_TRAINS = 3  # in the map of forces
 LEAST = 80  # px an inch of a wide picture, below which it scrolls
+
+
+def paper_figure(material: Material, name: str) -> str:
+    """Number of the paper's figure that the picture ``name`` stands for."""
+    if name == "sd_time":
+        return "12" if material.has_speed_effect else "17"
+    return PAPER[name][0]
 
 
 def growth_pictures(material: Material) -> Iterator[Picture]:
@@ -123,7 +129,7 @@ def _concept(material: Material) -> Iterator[Picture]:
 
 def single_track_pictures(material: Material) -> Iterator[Picture]:
     """Profiles at the limit and a few days of mixed traffic, of one track computed again."""
-    prepared = prepared_step_a(material)
+    prepared = step_a(material.study.scenes)  # from the cache
     shown = profiles_at_limit(material, prepared)
     where = f"realisation {TRACK} of seed {material.study.seed}"
     if shown:
@@ -147,21 +153,6 @@ def single_track_pictures(material: Material) -> Iterator[Picture]:
             "updated after every axle passage. Time is shared out by passages."
         )
         yield Picture("mixed", mixed_figure(view), alt, text)
-
-
-def step_a_figures(material: Material) -> Iterator[tuple[str, Figure]]:
-    """Every picture of the track by name, sized for a page."""
-    part = material.step_a
-    if part is None:
-        return
-    for name, draw in track_figures(part.case, list(part.table4)).items():
-        if name in OF_THE_PAPER and not material.study.reference:
-            continue
-        figure = draw()
-        width, height = figure.get_size_inches()
-        if width > PAGE_WIDTH:
-            figure.set_size_inches(PAGE_WIDTH, height * min(1.0, (PAGE_WIDTH / width) ** 0.4))
-        yield name, figure
 
 
 def map_pictures(material: Material) -> Iterator[Picture]:
@@ -191,10 +182,16 @@ def map_pictures(material: Material) -> Iterator[Picture]:
 
 
 def step_a_pictures(material: Material) -> Iterator[Picture]:
-    """The same in a page."""
-    for name, figure in step_a_figures(material):
-        text = TITLES.get(name, name.replace("_", " "))
-        part = material.step_a
-        train = "" if part is None else f" Track of variant {part.case.variant}."
-        least = int(LEAST * figure.get_size_inches()[0])
-        yield Picture(name, figure, f"{text}.{train}", f"{text}.{train}", least)
+    """Every picture of the track, sized for a page."""
+    part = material.step_a
+    if part is None:
+        return
+    for name, draw in track_figures(part.case, list(part.table4)).items():
+        if name in OF_THE_PAPER and not material.study.reference:
+            continue
+        figure = draw()
+        width, height = figure.get_size_inches()
+        if width > PAGE_WIDTH:
+            figure.set_size_inches(PAGE_WIDTH, height * min(1.0, (PAGE_WIDTH / width) ** 0.4))
+        text = f"{TITLES.get(name, name.replace('_', ' '))}. Track of variant {part.case.variant}."
+        yield Picture(name, figure, text, text, int(LEAST * figure.get_size_inches()[0]))

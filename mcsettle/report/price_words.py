@@ -1,11 +1,12 @@
 """The answer in sentences: what a change costs or saves, and whether the number may be used."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from datetime import date, timedelta
 
 from mcsettle.estimate.rounding import decimals, number
 from mcsettle.report.charging import MarginalTrain, PriceUnit, headline_unit, marginal_train
-from mcsettle.report.money import NAMES, about, between, symbol
+from mcsettle.report.money import NAMES, about, between, money_for, symbol
 from mcsettle.report.words import cut
 from mcsettle.study.study import Study
 from mcsettle.summary.answers import Answers
@@ -114,8 +115,8 @@ def _bound(answers: Answers, effect: FormEffect | None, unit: PriceUnit) -> str:
         return "No pair of sections has a result."
     currency = answers.study.currency
     price, years = effect.price, answers.study.limit.horizon_years
-    known = price.n - price.n_censored
-    text = f"Only {known} of {price.n} pairs of sections reach the limit within {years:g} years"
+    n_known = price.n - price.n_censored
+    text = f"Only {n_known} of {price.n} pairs of sections reach the limit within {years:g} years"
     if effect.at_most is not None and unit.factor > 0.0:
         text += (
             f"; the line's mean is at most {about(effect.at_most * unit.factor, None, currency)}"
@@ -158,10 +159,10 @@ def interval_change(effect: FormEffect) -> str:
 
 def changes_of(answers: Answers, scenario: str) -> str:
     """Change of the interval of ``scenario``, against each of its baselines where it has several."""
-    found = answers.effects_of(scenario)
-    if len(found) == 1:
-        return interval_change(found[0][1])
-    return ", ".join(f"{interval_change(effect)} ({cut(base, 10)})" for base, effect in found)
+    effects = answers.effects_of(scenario)
+    if len(effects) == 1:
+        return interval_change(effects[0][1])
+    return ", ".join(f"{interval_change(effect)} ({cut(base, 10)})" for base, effect in effects)
 
 
 def tamped_on(study: Study, days: float | None) -> str:
@@ -182,6 +183,29 @@ def span(low: str, high: str) -> str:
     ('3 to 5', '> 548')
     """
     return low if low == high else f"{low} to {high}"
+
+
+def range_words(
+    ends: tuple[float, float] | None, factor: float, places: int | None, empty: str
+) -> str:
+    """Lowest and highest price, each times ``factor``, in any order; ``empty`` where not known."""
+    if ends is None:
+        return empty
+    return span(*(number(end, places) for end in sorted(end * factor for end in ends)))
+
+
+def interval_words(answers: Answers, scenario: str) -> tuple[str, str, str, str] | None:
+    """When the line is tamped, in the form that stands first; None where nothing is known.
+
+    Median [days] with its error, its month, half of the sections, change against the baselines.
+    """
+    interval = answers.intervals.get((answers.form, scenario))
+    if interval is None:
+        return None
+    late = f"> {number(answers.study.limit.horizon_days, 0)}"
+    month = tamped_on(answers.study, interval.median.value)
+    half = span(*(number(day, 0, late) for day in interval.half))
+    return interval.median.with_error(late), month, half, changes_of(answers, scenario)
 
 
 def sections_words(effect: FormEffect, unit: PriceUnit, places: int | None) -> str:
@@ -213,9 +237,24 @@ def _share(share: float) -> str:
     return f"{100.0 * share:.0f} %"
 
 
-def scaled_unit(unit: PriceUnit, scale: float) -> PriceUnit:
-    """The unit with its amounts times ``scale``: in pence instead of pounds."""
-    return PriceUnit(unit.label, unit.factor * scale)
+def priced_in(
+    answers: Answers, names: Sequence[str], miles: bool = False
+) -> tuple[str, dict[str, PriceUnit]]:
+    """Money and unit of the prices of the effects ``names``, all in one unit, as "pence per train-km".
+
+    And the unit of each, whose amounts are of that money: pence instead of pounds.
+    """
+    study = answers.study
+    units = {name: headline_unit(study, name, miles) for name in names}
+    amounts = [
+        amount * units[name].factor
+        for (_, name), effect in answers.effects.items()
+        for amount in (effect.price.value, effect.at_most)
+        if name in units and amount is not None
+    ]
+    money = money_for(study.currency, amounts)
+    label = f"{(money.word or money.sign).strip()} per {units[names[0]].label}"
+    return label, {n: replace(u, factor=u.factor * money.scale) for n, u in units.items()}
 
 
 def price_places(
@@ -233,10 +272,9 @@ def price_places(
             error = effect.price.standard_error * abs(unit.factor)
             errors[name] = max(error, errors.get(name, 0.0))
     if errors:
-        own = {name: max(0, decimals(error)) for name, error in errors.items()}
-        alike = max(own.values()) - min(own.values()) <= 1
-        least = min(own.values())
-        names |= dict.fromkeys(names, least) if alike else own
+        places = {name: max(0, decimals(error)) for name, error in errors.items()}
+        least, most = min(places.values()), max(places.values())
+        names |= dict.fromkeys(names, least) if most - least <= 1 else places
     return names
 
 

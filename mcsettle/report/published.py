@@ -10,12 +10,13 @@ from mcsettle.analysis.table4 import DEFINITIONS, METRIC_OF
 from mcsettle.estimate.rounding import number
 from mcsettle.report.material import Material
 from mcsettle.report.page import Block, Bullets, Picture, Table, Text
-from mcsettle.report.pictures import NOT_DRAWN, PAPER
+from mcsettle.report.pictures import NOT_DRAWN, PAPER, paper_figure
 from mcsettle.report.words import (
     as_given,
     cut,
     level,
     metric_words,
+    not_reached,
     percentile,
     unit_words,
     unknown_of,
@@ -45,8 +46,8 @@ def sources(material: Material) -> list[str]:
     names = dict.fromkeys(row.source for row in material.study.reference)
 
     def place(name: str) -> tuple[int, float, str]:
-        found = re.match(r"Table (\d+)", name)
-        return (0, float(found[1]), name) if found else (1, 0.0, name)
+        numbered = re.match(r"Table (\d+)", name)
+        return (0, float(numbered[1]), name) if numbered else (1, 0.0, name)
 
     return sorted(names, key=place)
 
@@ -74,8 +75,7 @@ def _unknown(unknown: dict[str, list[str]]) -> str:
     alike: dict[str, list[str]] = {}
     for name, variants in unknown.items():
         alike.setdefault(", ".join(variants), []).append(name)
-    parts = [f"{variants} ({'; '.join(names)})" for variants, names in alike.items()]
-    return f"Not reached, or not known of most sections: {'; '.join(parts)}." if parts else ""
+    return not_reached(alike, "; ")
 
 
 def _entries(material: Material, source: str) -> list[ReferenceTable]:
@@ -85,8 +85,8 @@ def _entries(material: Material, source: str) -> list[ReferenceTable]:
 def _name(material: Material, entry: ReferenceTable) -> str:
     """Name of the effect, or of the scenario, that a published value is of."""
     effects = (e for e in material.study.effects.values() if e.scenario == entry.scenario)
-    own = next((e.name for e in effects if entry.baseline in (None, e.baseline)), entry.scenario)
-    return own if entry.metric in EFFECT_METRICS else entry.scenario
+    effect = next((e.name for e in effects if entry.baseline in (None, e.baseline)), entry.scenario)
+    return effect if entry.metric in EFFECT_METRICS else entry.scenario
 
 
 def _ours(material: Material, entry: ReferenceTable) -> Iterator[tuple[str, ...]]:
@@ -136,11 +136,11 @@ def _differences(material: Material, source: str) -> Iterator[str]:
     entries = _entries(material, source)
     rows = [material.row(_name(material, e), e.metric) for e in entries]
     shares = [r.reference_percent for r in rows if r is not None]
-    known = [share for share in shares if share is not None]
-    if known:
-        inside = sum(WIDE_BAND[0] <= share <= WIDE_BAND[1] for share in known)
+    percentiles = [share for share in shares if share is not None]
+    if percentiles:
+        inside = sum(WIDE_BAND[0] <= share <= WIDE_BAND[1] for share in percentiles)
         yield (
-            f"{inside} of {len(known)} published values lie within P5 to P95 of ours (variant "
+            f"{inside} of {len(percentiles)} published values lie within P5 to P95 of ours (variant "
             f"{material.variant})."
         )
     yield from (cut(note, 600) for note in dict.fromkeys(e.note for e in entries if e.note))
@@ -148,19 +148,12 @@ def _differences(material: Material, source: str) -> Iterator[str]:
 
 def _figures(material: Material, pictures: list[Picture]) -> Table:
     """Which picture here stands for which figure of the paper."""
-    names = {picture.name for picture in pictures}
-    speed = material.has_speed_effect
-    rows = []
-    for name, (figure, why) in PAPER.items():
-        if name == "sd_time":
-            figure = "12" if speed else "17"
-        if name in names:
-            place = next(i for i, p in enumerate(pictures, 1) if p.name == name)
-            rows.append((f"Fig. {figure}", f"picture {place}", why))
+    places = {picture.name: place for place, picture in enumerate(pictures, 1)}
+    rows = [
+        (f"Fig. {paper_figure(material, name)}", f"picture {places[name]}", why)
+        for name, (_, why) in PAPER.items()
+        if name in places
+    ]
     rows += [(f"Fig. {figure}", "not drawn", why) for figure, why in NOT_DRAWN.items()]
-
-    def first(row: tuple[str, ...]) -> int:
-        return int(re.findall(r"\d+", row[0])[0])
-
-    rows.sort(key=first)
+    rows.sort(key=lambda row: int(re.findall(r"\d+", row[0])[0]))
     return Table("Figures of the paper", ("figure", "here", "how ours differs"), tuple(rows), 3)

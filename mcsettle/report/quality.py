@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from mcsettle.estimate.estimate import Estimate, Statistic
+from mcsettle.estimate.estimate import Estimate
 from mcsettle.estimate.rounding import number
 from mcsettle.report.curves import convergence
 from mcsettle.report.figures.results import Swing, convergence_figure
@@ -24,7 +24,12 @@ SHARES = ("parameters", "sections", "interaction")
 def sensitivity_blocks(material: Material, bars: "Sequence[Bar]") -> Iterator[Block]:
     """Variance split, first-order indices, tornado; and what else moves the answer."""
     rows = material.of(material.variant)
-    split = [row for row in (_split_cells(r.name, r.metric, r.spread) for r in rows) if row]
+    split = []
+    for row in rows:
+        shares = {s.subject: s.estimate for s in row.part("variance_share")}
+        if shares:
+            cells = (shares[part].with_error("", 100.0) for part in SHARES)
+            split.append((row.name, metric_words(row.metric), *cells))
     if split:
         head = ("scenario", "quantity", *SHARES)
         note = (
@@ -50,28 +55,20 @@ def sensitivity_blocks(material: Material, bars: "Sequence[Bar]") -> Iterator[Bl
     yield from _lines(material)
 
 
-def _split_cells(scenario: str, metric: str, spread: Sequence[Statistic]) -> tuple[str, ...]:
-    shares = {s.subject: s.estimate for s in spread if s.statistic == "variance_share"}
-    if not shares:
-        return ()
-    cells = (shares[part].with_error("", 100.0) for part in SHARES)
-    return (scenario, metric_words(metric), *cells)
-
-
 def _indices(material: Material) -> Iterator[Block]:
     """First-order indices of the answer's metric: a picture and a table."""
     for row in material.of(material.variant):
-        found = [s for s in row.spread if s.statistic == "first_order_index"]
-        if not found:
+        indices = row.part("first_order_index")
+        if not indices:
             continue
-        found.sort(key=lambda s: -(s.estimate.value or 0.0))
-        cells = tuple((cut(s.subject, 80), s.estimate.with_error("", 100.0)) for s in found)
+        indices.sort(key=lambda s: -(s.estimate.value or 0.0))
+        cells = tuple((cut(s.subject, 80), s.estimate.with_error("", 100.0)) for s in indices)
         name = f"{row.name}, {metric_words(row.metric)}"
-        names = _short_names([s.subject for s in found])
+        names = _short_names([s.subject for s in indices])
         swings = [
             Swing(names[s.subject], 0.0, 100.0 * (s.estimate.value or 0.0),
                   100.0 * (s.estimate.standard_error or 0.0))
-            for s in found[:MOST_BARS]
+            for s in indices[:MOST_BARS]
         ]  # fmt: skip
         figure = swings_figure(swings, None, "first-order index [% of the variance]")
         alt = f"First-order indices, {name}: " + "; ".join(
@@ -101,19 +98,19 @@ def _tornado(bars: "Sequence[Bar]") -> Iterator[Block]:
     groups: dict[tuple[str, str], list[Bar]] = {}
     for bar in bars:
         groups.setdefault((bar.scenario, bar.metric), []).append(bar)
-    for (scenario, metric), own in groups.items():
+    for (scenario, metric), group in groups.items():
         name = f"{scenario}, {metric_words(metric)}"
-        centre, known, unknown = own[0].central, [], []
-        names = _short_names([bar.input for bar in own])
-        for bar in own[:MOST_BARS]:
+        centre, drawn, unknown = group[0].central, [], []
+        names = _short_names([bar.input for bar in group])
+        for bar in group[:MOST_BARS]:
             if bar.at_low is None or bar.at_high is None:
                 unknown.append(names[bar.input])
             else:
-                known.append(Swing(names[bar.input], bar.at_low, bar.at_high))
-        if centre is not None and known:
-            figure = swings_figure(known, centre, f"median, {unit_words(own[0].unit) or '1'}")
+                drawn.append(Swing(names[bar.input], bar.at_low, bar.at_high))
+        if centre is not None and drawn:
+            figure = swings_figure(drawn, centre, f"median, {unit_words(group[0].unit) or '1'}")
             alt = f"Tornado of {name}, median {number(centre)}: " + "; ".join(
-                f"{s.label} {number(s.low)} to {number(s.high)}" for s in known
+                f"{s.label} {number(s.low)} to {number(s.high)}" for s in drawn
             )
             text = f"Tornado: {name}."
             if unknown:
@@ -124,7 +121,7 @@ def _tornado(bars: "Sequence[Bar]") -> Iterator[Block]:
                 cut(b.input, 80),
                 *(number(v) for v in (b.low, b.high, b.at_low, b.central, b.at_high)),
             )
-            for b in own
+            for b in group
         )
         head = ("input", "P10", "P90", "median at P10", "central", "median at P90")
         yield Table(f"Tornado: {name}", head, rows, 1, small=True)
@@ -133,18 +130,11 @@ def _tornado(bars: "Sequence[Bar]") -> Iterator[Block]:
 def _pairing(material: Material) -> Iterator[Block]:
     rows = []
     for row in material.of(material.variant):
-        found = {s.statistic: s.estimate for s in row.spread}
-        if "pairing_gain" in found:
-            other = found.get("correlation")
-            rows.append(
-                (
-                    row.name,
-                    found["pairing_gain"].with_error()
-                    if found["pairing_gain"].value is not None
-                    else found["pairing_gain"].note,
-                    number(None if other is None else other.value, 3, ""),
-                )
-            )
+        estimates = {s.statistic: s.estimate for s in row.spread}
+        if "pairing_gain" in estimates:
+            gain, correlation = estimates["pairing_gain"], estimates.get("correlation")
+            value = None if correlation is None else correlation.value
+            rows.append((row.name, gain.with_error(gain.note), number(value, 3, "")))
     if rows:
         note = (
             "Gain: variance of the logarithm of the ratio of two intervals of different "
@@ -159,12 +149,12 @@ def _lines(material: Material) -> Iterator[Block]:
     """Distribution of the mean over lines of several lengths."""
     rows: list[tuple[str, ...]] = []
     for row in material.of(material.variant):
-        found = [s for s in row.spread if s.statistic == "line_mean"]
-        if not found:
+        lines = row.part("line_mean")
+        if not lines:
             continue
         rows.append((f"{row.name}, {metric_words(row.metric)}, {unit_words(row.unit)}",))
-        for length in dict.fromkeys(s.subject for s in found):
-            rows.append((length, *(_ranged(s.estimate) for s in found if s.subject == length)))
+        for length in dict.fromkeys(s.subject for s in lines):
+            rows.append((length, *(_ranged(s.estimate) for s in lines if s.subject == length)))
     if rows:
         note = (
             "P5, P50, P95 and mean of the mean over a line of independent sections, each with the 95 % "
@@ -232,10 +222,10 @@ def censoring_blocks(material: Material) -> Iterator[Block]:
     alike: dict[tuple[str, ...], list[str]] = {}
     for variant in material.study.variant_names:
         for scenario in material.study.scenario_names:
-            own = material.results.part("realisations", variant, scenario)
-            counts = own["status"].value_counts()
+            tracks = material.results.part("realisations", variant, scenario)
+            counts = tracks["status"].value_counts()
             cells = (str(int(counts.get(s, 0))) for s in ("reached", "censored", "failed"))
-            alike.setdefault((variant, str(len(own)), *cells), []).append(scenario)
+            alike.setdefault((variant, str(len(tracks)), *cells), []).append(scenario)
     rows = [(key[0], ", ".join(names), *key[1:]) for key, names in alike.items()]
     head = ("variant", "scenarios", "of each", "reached", "censored", "failed")
     horizon = material.study.limit.horizon_years

@@ -45,7 +45,7 @@ def entries(study: Study) -> list[Entry]:
     """Every input of ``study`` in the order of its file."""
     data = study_data(study)
     drawn = {path: table for table in study.uncertain for path in table.paths}
-    origins, found = Origins(study), []
+    origins, register = Origins(study), []
     for path, value in leaves({k: v for k, v in data.items() if k not in OMITTED}):
         if value in ("", [], ()):
             continue
@@ -58,8 +58,8 @@ def entries(study: Study) -> list[Entry]:
         unit = unit_at(data, path)
         unit = unit if is_number(value) and unit != "1" else ""
         given = value if isinstance(value, bool | int | float) else None
-        found.append(Entry(path, _shown(value), unit, words, set_by, source, given))
-    return found
+        register.append(Entry(path, _shown(value), unit, words, set_by, source, given))
+    return register
 
 
 def register_table(study: Study) -> Table:

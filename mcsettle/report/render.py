@@ -71,15 +71,15 @@ def breakable(cell: str) -> str:
 
 def _decimals(cell: str) -> int | None:
     """Decimals of a number, also of one with its error; None for other texts."""
-    found = NUMBER.fullmatch(cell)
-    return None if found is None else len(found["decimals"] or "")
+    match = NUMBER.fullmatch(cell)
+    return None if match is None else len(match["decimals"] or "")
 
 
 def _filled(cell: str, places: int) -> str:
-    own = _decimals(cell)
-    if own is None or own >= places:
+    decimals = _decimals(cell)
+    if decimals is None or decimals >= places:
         return cell
-    return cell + ("" if own else POINT_SPACE) + DIGIT_SPACE * (places - own)
+    return cell + ("" if decimals else POINT_SPACE) + DIGIT_SPACE * (places - decimals)
 
 
 def markdown(page: Page, sections: tuple[str, ...] = ()) -> str:

@@ -2,16 +2,15 @@
 
 import tomllib
 from collections.abc import Iterator
-from functools import cache
 from importlib.resources import files
-from typing import Any
 
 from mcsettle.estimate.estimate import LEVELS
-from mcsettle.estimate.rounding import NOT_REACHED, number
-from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
+from mcsettle.estimate.rounding import number
+from mcsettle.report.charging import KM_PER_MILE, marginal_train, price_units
 from mcsettle.report.curves import fans, spreads, survivals
 from mcsettle.report.figures.results import fan_figure, spreads_figure, survival_figure
 from mcsettle.report.material import Material
+from mcsettle.report.money import symbol
 from mcsettle.report.page import Block, Fold, Picture, Table, Text
 from mcsettle.report.price_words import prices
 from mcsettle.report.words import (
@@ -21,6 +20,8 @@ from mcsettle.report.words import (
     cut,
     level,
     metric_words,
+    mostly_known,
+    not_reached,
     percentile,
     unit_words,
     unknown_of,
@@ -78,13 +79,7 @@ def quantile_table(material: Material, variant: str) -> Table:
     factor = study.settlement_settings(variant).settlement_factor
     caption = f"Variant {variant}{': ' if title else ''}{title} (settlement factor {factor:g})"
     head = ("quantity", "P5", "P50", "P95", "n", "censored", "published", "falls at")
-    return Table(caption, head, tuple(rows), 1, _not_reached(unknown), small=True)
-
-
-def _not_reached(unknown: dict[str, list[str]]) -> str:
-    """One sentence on the quantities of which no quantile is known."""
-    parts = [f"{name} ({', '.join(scenarios)})" for name, scenarios in unknown.items()]
-    return f"Not reached, or not known of most sections: {'; '.join(parts)}." if parts else ""
+    return Table(caption, head, tuple(rows), 1, not_reached(unknown), small=True)
 
 
 def _pictures(material: Material) -> Iterator[Picture]:
@@ -140,22 +135,23 @@ def charge_blocks(material: Material) -> Iterator[Block]:
         yield Text("No scenario is compared with another: there is no marginal cost.", "note")
         return
     rows: list[tuple[str, ...]] = []
-    for scenario in material.compared:
-        train = marginal_train(material.study, scenario)
-        found = charges(material, scenario)
-        if train is None or not found:
+    sign = symbol(material.study.currency).strip()
+    for name in material.compared:
+        train, row = marginal_train(material.study, name), material.row(name, "marginal_cost")
+        if train is None or row is None or not mostly_known(row):
             continue
         load, mass = number(train.axle_load), number(train.mass, 0)
         title = f"{train.name}: {train.cars} cars, {load} t an axle, {mass} t, {train.speed:g} km/h"
         if train.base_speed is not None:
             title += f" instead of {train.base_speed:g} km/h"
-        rows.append((f"{title} ({cut(scenario, 40)})",))
-        for charge in found:
-            quantiles = (level(charge.row, 0.5, charge.factor), band(charge.row, charge.factor))
-            mean = charge.mean
-            known = mean is not None and mean.value is not None
-            price = number(mean.value * charge.factor) if known else NOT_REACHED  # type: ignore[union-attr, operator]
-            rows.append((charge.unit, *quantiles, price))
+        rows.append((f"{title} ({cut(name, 40)})",))
+        statistics = (*row.spread, *row.statistics)
+        means = (s.estimate for s in statistics if s.statistic in ("section_mean", "mean"))
+        mean = next((estimate.value for estimate in means), None)
+        for unit in price_units(material.study, name, material.miles):
+            price = number(None if mean is None else mean * unit.factor)
+            quantiles = level(row, 0.5, unit.factor), band(row, unit.factor)
+            rows.append((f"{sign} per {unit.label}", *quantiles, price))
     if rows:
         note = (
             "Each train as the marginal one, more often or faster than in the baseline; "
@@ -173,33 +169,22 @@ def charge_blocks(material: Material) -> Iterator[Block]:
 
 def _literature(material: Material) -> Iterator[Block]:
     km, length = (KM_PER_MILE, "mile") if material.miles else (1.0, "km")
-    wanted = PER_SPEED if material.has_speed_effect else PER_TONNE
-    rows = []
-    for entry in published_costs():
-        if wanted != entry["basis"] and entry["basis"] != PER_TONNE:
-            continue
-        pounds = entry.get("gbp")
-        basis = entry["basis"].replace("-km", f"-{length}")
-        rows.append(
-            (
-                entry["source"],
-                entry["covers"],
-                basis,
-                entry.get("original", ""),
-                "" if pounds is None else number(pounds * km),
-            )
+    bases = {PER_TONNE, PER_SPEED if material.has_speed_effect else PER_TONNE}
+    text = files("mcsettle.report").joinpath("literature.toml").read_text(encoding="utf-8")
+    rows = [
+        (
+            entry["source"],
+            entry["covers"],
+            entry["basis"].replace("-km", f"-{length}"),
+            entry.get("original", ""),
+            number(entry["gbp"] * km) if "gbp" in entry else "",
         )
+        for entry in tomllib.loads(text)["cost"]
+        if entry["basis"] in bases
+    ]
     head = ("source", "what it covers", "unit", "as published", "£")
     note = (
         "For orientation: other lines, other costs, other prices. Pounds only where the conversion "
         "is the cited paper's own (£1 = SEK 12 = € 1.20); other currencies are left as published."
     )
     yield Table("Published marginal costs of track", head, tuple(rows), 4, note, small=True)
-
-
-@cache
-def published_costs() -> list[dict[str, Any]]:
-    """Entries of ``literature.toml``."""
-    text = files("mcsettle.report").joinpath("literature.toml").read_text(encoding="utf-8")
-    entries: list[dict[str, Any]] = tomllib.loads(text)["cost"]
-    return entries

@@ -10,11 +10,11 @@ from mcsettle.summary.sign_split import SHORTENS, SIGNS, sign_rows
 
 def sign_blocks(material: Material) -> Iterator[Block]:
     """What added services roughen and harden, in every variant; nothing without added services."""
-    found = {(row.variant, row.name, row.metric): row for row in sign_rows(material.results)}
+    by_key = {(row.variant, row.name, row.metric): row for row in sign_rows(material.results)}
     rows = []
-    for variant, scenario in dict.fromkeys(key[:2] for key in found):
-        cells = [found[variant, scenario, metric].at(0.5).with_error() for metric, _, _ in SIGNS]
-        share = found[variant, scenario, SHORTENS].statistics[0].estimate
+    for variant, scenario in dict.fromkeys(key[:2] for key in by_key):
+        cells = [by_key[variant, scenario, metric].at(0.5).with_error() for metric, _, _ in SIGNS]
+        share = by_key[variant, scenario, SHORTENS].statistics[0].estimate
         ends = [f"{100.0 * (end or 0.0):.0f}" for end in (share.lower, share.upper)]
         rows.append((cut(scenario, 40), variant, *cells, " to ".join(dict.fromkeys(ends))))
     if not rows:
@@ -23,7 +23,7 @@ def sign_blocks(material: Material) -> Iterator[Block]:
         "scenario", "variant", "reduction, %", "by roughening alone, %", "by hardening alone, %",
         "ξ", "ξ*", "leverage", "pairs that shorten, %",
     )  # fmt: skip
-    n = next(iter(found.values())).at(0.5).n
+    n = next(iter(by_key.values())).at(0.5).n
     note = (
         "An added service shortens the interval by what its axles roughen and lengthens it by the "
         "cycles with which it hardens the track for the others: it shortens where an added axle "

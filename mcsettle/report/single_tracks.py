@@ -11,7 +11,7 @@ import numpy as np
 from mcsettle.railway.irregularity import to_space
 from mcsettle.report.figures.results import MixedDays, Profile
 from mcsettle.report.material import Material
-from mcsettle.step_a.transfers import StepA, step_a
+from mcsettle.step_a.transfers import StepA
 from mcsettle.step_b import engine
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Case, support_of
@@ -22,11 +22,6 @@ MIXED_FROM, MIXED_DAYS, MIXED_POINTS = 2.0, 2.0, 400
 MOST_PANELS = 6
 
 
-def prepared_step_a(material: Material) -> StepA:
-    """Transfer functions of the study, from the cache."""
-    return step_a(material.study.scenes)
-
-
 def profiles_at_limit(material: Material, prepared: StepA) -> list[Profile]:
     """The track ``TRACK`` before traffic and when it ends, in each scenario of the answer's variant."""
     study = material.study
@@ -34,7 +29,7 @@ def profiles_at_limit(material: Material, prepared: StepA) -> list[Profile]:
     amplitudes = study.initial_profiles(material.variant).sample(indices)
     modes = study.wavenumbers
     x = np.linspace(0.0, min(study.profile.window_m, 200.0), 801)
-    found = []
+    profiles = []
     for scenario in study.scenario_names[:MOST_PANELS]:
         scene = study.scene(material.variant, scenario)
         support = support_of(scene, indices, amplitudes)
@@ -44,8 +39,8 @@ def profiles_at_limit(material: Material, prepared: StepA) -> list[Profile]:
             continue
         days = float(outcome.days[0]) if outcome.reached[0] else None
         initial, final = (to_space(a, modes, x)[0] / MM for a in (amplitudes, outcome.amplitudes))
-        found.append(Profile(material.title(scenario), x, initial, final, days))
-    return found
+        profiles.append(Profile(material.title(scenario), x, initial, final, days))
+    return profiles
 
 
 def mixed_scenario(material: Material) -> str | None:
@@ -81,12 +76,12 @@ def mixed_days(material: Material, scenario: str, prepared: StepA) -> MixedDays 
 def _blocks(case: Case, first: float, last: float) -> tuple[tuple[str, float, float], ...]:
     """Which service runs when: its share of the day is its share of the passages."""
     per_day = case.timetable.passages_per_day
-    found = []
+    blocks = []
     for day in range(int(first), int(np.ceil(last))):
         begin = float(day)
         for service in case.timetable.services:
             end = begin + service.per_day * service.train.n_axles / per_day
             if end > first and begin < last:
-                found.append((service.train.name, max(begin, first), min(end, last)))
+                blocks.append((service.train.name, max(begin, first), min(end, last)))
             begin = end
-    return tuple(found)
+    return tuple(blocks)

@@ -1,9 +1,8 @@
 """Every picture of a study's track, and its numbers as CSV, written into a folder."""
 
-import csv
-import io
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ from mcsettle.railway.spectra import spectrum
 from mcsettle.railway.track import TOY_TRACK, SectionTrack, depth_below_subgrade
 from mcsettle.railway.traffic import Service, Train
 from mcsettle.railway.vehicle import FREIGHT
-from mcsettle.report.figures.passage import AxlePassage, axle_passage, passage_figure
+from mcsettle.report.figures.passage import axle_passage, passage_figure
 from mcsettle.report.figures.receptance import receptance_figure, receptance_map
 from mcsettle.report.figures.section import (
     cell_values,
@@ -31,11 +30,11 @@ from mcsettle.report.figures.section import (
     section_view,
     softening_figure,
 )
-from mcsettle.report.figures.slice import DeflectionSlice, deflection_slice, slice_figure
+from mcsettle.report.figures.slice import deflection_slice, slice_figure
 from mcsettle.report.figures.stress import along_figure, depth_figure, table4_figure
 from mcsettle.report.figures.style import files_of
-from mcsettle.report.figures.vehicles import MODELS, VehiclePeaks, vehicle_peaks, vehicles_figure
-from mcsettle.report.outgoing import csv_cell
+from mcsettle.report.figures.vehicles import MODELS, vehicle_peaks, vehicles_figure
+from mcsettle.report.outgoing import csv_text
 from mcsettle.step_a.fem25d import SectionResponse
 from mcsettle.step_a.fem25d.centreline_field import CentrelineField
 from mcsettle.step_a.fem25d.track_section import track_grid
@@ -90,16 +89,16 @@ def draw_track(
 
 def track_figures(case: TrackCase, table: list[Increase]) -> dict[str, Callable[[], Figure]]:
     """Every picture of a track by name, each drawn when called."""
-    pictures: dict[str, Callable[[], Figure]] = {
-        "section": lambda: _section(case),
-        "softening": lambda: _softening(case),
-        "receptance": lambda: _receptance(case),
-        "stress_depth": lambda: _depth(case),
-        "stress_along": lambda: _along(case),
-        "slice": lambda: _slice(case),
-        "table4": lambda: table4_figure(table, case.profile_text),
-        "vehicle_models": lambda: _vehicles(case),
-        "freight_passage": lambda: _freight(case),
+    pictures: dict[str, Callable[[TrackCase], Figure]] = {
+        "section": _section,
+        "softening": _softening,
+        "receptance": _receptance,
+        "stress_depth": _depth,
+        "stress_along": _along,
+        "slice": _slice,
+        "table4": lambda case: table4_figure(table, case.profile_text),
+        "vehicle_models": _vehicles,
+        "freight_passage": _freight,
     }
     if not isinstance(case.track, SectionTrack):
         del pictures["section"], pictures["slice"]
@@ -107,48 +106,11 @@ def track_figures(case: TrackCase, table: list[Increase]) -> dict[str, Callable[
         del pictures["softening"]
     if not table:
         del pictures["table4"]
-    return pictures
-
-
-def vehicle_comparison(case: TrackCase) -> list[VehiclePeaks]:
-    """Fig. 4: the paper's five vehicle models on its simplified track, the study's profile."""
-    amplitudes = case.draw_profiles(case.spectrum, case.study.profile.sd, 1)[0]
-    return [
-        vehicle_peaks(
-            vehicle, cars, speed, models, TOY_TRACK, amplitudes, case.wavenumbers,
-            case.study.profile.window_m, case.study.track_table.hertz_stiffness_n_per_m,
-        )
-        for vehicle, cars, speed, models in MODELS.values()
-    ]  # fmt: skip
-
-
-def freight_passage(case: TrackCase, cars: int = FREIGHT_CARS) -> AxlePassage:
-    """Figs. 5 and 6: a freight axle on FRA class 4, unscaled, on the study's track, factor 1."""
-    train = Train("freight", (FREIGHT,) * cars)
-    response = response_under(case.study.scenes, case.variant, Service(train, FREIGHT_SPEED, 1))
-    contact = case.study.track_table.hertz_stiffness_n_per_m
-    transfer = precompute(train, FREIGHT_SPEED, response, case.wavenumbers, contact)
-    settings = case.study.settlement_settings(case.variant)
-    model = SettlementModel(
-        tuple(layer.law for layer in case.track.layers),
-        ballast_cycles_before=settings.ballast_cycles_before,
-        subgrade_cycles_before=settings.subgrade_cycles_before,
-    )
-    height = depth_below_subgrade(case.track.layers) - BELOW_SLEEPER
-    return axle_passage(
-        transfer,
-        4 * (cars // 2),
-        case.draw_profiles(spectrum("fra", FREIGHT_CLASS), None, 1)[0],
-        layer_weights(transfer.grid, 0, height),
-        model,
-        case.study.profile.window_m,
-        f"Freight train, {cars} cars at {FREIGHT_SPEED / KMH:.0f} km/h, FRA class {FREIGHT_CLASS}",
-    )
+    return {name: partial(draw, case) for name, draw in pictures.items()}
 
 
 def _section(case: TrackCase) -> Figure:
-    if not isinstance(case.track, SectionTrack):
-        raise TypeError("only a section track has a cross-section")
+    assert isinstance(case.track, SectionTrack)
     depth = case.study.settlement_settings(case.variant).integration_depth_m
     return section_figure(section_view(case.track, depth), "Cross-section of track and ground")
 
@@ -157,8 +119,8 @@ def _softening(case: TrackCase) -> Figure:
     """Moduli under the first train over those at small strains."""
     run = case.runs[0]
     response = run.response
-    if not isinstance(response, SectionResponse) or response.properties is None:
-        raise TypeError("only the ground of a section track softens")
+    assert isinstance(response, SectionResponse)
+    assert response.properties is not None
     mesh, depth = response.settings.mesh, response.integration_depth
     view = section_view(response.track, depth, mesh)
     place = track_grid(response.track, depth, mesh).place
@@ -212,58 +174,79 @@ def _layer_at(case: TrackCase, layer: int, z: float) -> int:
     return next(i for i in range(layer, len(tops) - 1) if z > tops[i + 1])
 
 
-def slice_view(case: TrackCase) -> DeflectionSlice:
+def _slice(case: TrackCase) -> Figure:
     """Fig. 10: the first train over the study's first profile, its middle in the window's middle."""
-    run = case.runs[0]
-    if not isinstance(run.response, SectionResponse):
-        raise TypeError("only a section track has a deflection of the ground")
-    study, service = case.study, run.service
-    return deflection_slice(
+    study, run = case.study, case.runs[0]
+    assert isinstance(run.response, SectionResponse)
+    view = deflection_slice(
         CentrelineField(run.response),
-        service.train,
-        service.speed,
+        run.service.train,
+        run.service.speed,
         case.wavenumbers,
         study.initial_profiles(case.variant).sample(range(1))[0],
         study.profile.window_m / 2.0,
         study.track_table.hertz_stiffness_n_per_m,
     )
-
-
-def _slice(case: TrackCase) -> Figure:
-    study = case.study
     text = (
         f"Profile: {case.profile_text}, realisation 0 of seed {study.seed}, periodic over "
         f"{study.profile.window_m:g} m. {_ground(case).capitalize()}."
     )
-    return slice_figure(slice_view(case), text)
+    return slice_figure(view, text)
 
 
 def _vehicles(case: TrackCase) -> Figure:
-    text = f"Profile: {case.profile_text}, realisation 0 of seed {case.study.seed}."
-    title = "Dynamic rail deflection by vehicle model (Fig. 4)"
-    return vehicles_figure(vehicle_comparison(case), text, title)
+    """Fig. 4: the paper's five vehicle models on its simplified track, the study's profile."""
+    study = case.study
+    amplitudes = case.draw_profiles(case.spectrum, study.profile.sd, 1)[0]
+    views = [
+        vehicle_peaks(
+            vehicle, cars, speed, models, TOY_TRACK, amplitudes, case.wavenumbers,
+            study.profile.window_m, study.track_table.hertz_stiffness_n_per_m,
+        )
+        for vehicle, cars, speed, models in MODELS.values()
+    ]  # fmt: skip
+    text = f"Profile: {case.profile_text}, realisation 0 of seed {study.seed}."
+    return vehicles_figure(views, text, "Dynamic rail deflection by vehicle model (Fig. 4)")
 
 
 def _freight(case: TrackCase) -> Figure:
-    layers = case.track.layers
+    """Figs. 5 and 6: a freight axle on FRA class 4, unscaled, on the study's track, factor 1."""
+    study, layers = case.study, case.track.layers
+    train = Train("freight", (FREIGHT,) * FREIGHT_CARS)
+    response = response_under(study.scenes, case.variant, Service(train, FREIGHT_SPEED, 1))
+    contact = study.track_table.hertz_stiffness_n_per_m
+    transfer = precompute(train, FREIGHT_SPEED, response, case.wavenumbers, contact)
+    settings = study.settlement_settings(case.variant)
+    model = SettlementModel(
+        tuple(layer.law for layer in layers),
+        ballast_cycles_before=settings.ballast_cycles_before,
+        subgrade_cycles_before=settings.subgrade_cycles_before,
+    )
+    view = axle_passage(
+        transfer,
+        4 * (FREIGHT_CARS // 2),
+        case.draw_profiles(spectrum("fra", FREIGHT_CLASS), None, 1)[0],
+        layer_weights(transfer.grid, 0, depth_below_subgrade(layers) - BELOW_SLEEPER),
+        model,
+        study.profile.window_m,
+        f"Freight train, {FREIGHT_CARS} cars at {FREIGHT_SPEED / KMH:.0f} km/h, FRA class "
+        f"{FREIGHT_CLASS}",
+    )
     upper = next(layer.name for layer in layers if layer.law is not None)
-    settings = case.study.settlement_settings(case.variant)
     note = (
-        f"Realisation 0 of seed {case.study.seed}, class {FREIGHT_CLASS} unscaled; leading axle of "
+        f"Realisation 0 of seed {study.seed}, class {FREIGHT_CLASS} unscaled; leading axle of "
         f"the middle car overhead. Settlement factor 1, {settings.ballast_cycles_before:,.0f} cycles "
         "before.\nDynamic settlement: what remains after the settlement without a profile is taken "
         "off. Quasi-static: the same everywhere."
     )
     height = f"deviatoric stress {BELOW_SLEEPER:g} m below the sleeper, axle overhead"
-    return passage_figure(freight_passage(case), height, upper, note)
+    return passage_figure(view, height, upper, note)
 
 
 def _tables(
     case: TrackCase, rows: list[Row], table: list[Increase], folder: Path
 ) -> dict[Path, bytes]:
     """The report, stress by depth and Table 4 as CSV."""
-    text = _csv(("quantity", "value", "unit"), rows)
-    files = {folder / "track.csv": text.encode()}
     names = [name for name, _ in layer_tops(case.track)]
     by_depth = [
         (c.label, names[layer], float(z), float(q) / KPA, float(d) / KPA)
@@ -273,7 +256,10 @@ def _tables(
     header = (
         "train", "layer", "z_m", "quasi_static_overhead_kpa", "dynamic_rms_kpa",
     )  # fmt: skip
-    files[folder / "stress_depth.csv"] = _csv(header, by_depth).encode()
+    files = {
+        folder / "track.csv": csv_text(("quantity", "value", "unit"), rows, "\n").encode(),
+        folder / "stress_depth.csv": csv_text(header, by_depth, "\n").encode(),
+    }
     if table:
         header4 = (
             "scenario", "speed_kmh", "definition", "stress_kpa", "increase_percent",
@@ -284,14 +270,5 @@ def _tables(
              "" if r.published is None else r.published, r.source, DEFINITIONS[r.definition])
             for r in table
         ]  # fmt: skip
-        files[folder / "table4.csv"] = _csv(header4, entries).encode()
+        files[folder / "table4.csv"] = csv_text(header4, entries, "\n").encode()
     return files
-
-
-def _csv(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(header)
-    for row in rows:
-        writer.writerow([csv_cell(value) if isinstance(value, str) else value for value in row])
-    return stream.getvalue()

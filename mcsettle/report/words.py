@@ -1,6 +1,7 @@
 """Results and names in words: quantiles, bands, metrics and units as they are read."""
 
 import re
+from collections.abc import Mapping
 
 from mcsettle.estimate.rounding import NOT_REACHED, number
 from mcsettle.report.money import SIGNS
@@ -42,6 +43,12 @@ def unknown_of(metric: str) -> str:
     return "tamped before" if metric.startswith("sd_growth_") else NOT_REACHED
 
 
+def not_reached(unknown: Mapping[str, list[str]], separator: str = ", ") -> str:
+    """One sentence on what no quantile is known of: ``unknown`` things, each with what it is of."""
+    parts = [f"{name} ({separator.join(of)})" for name, of in unknown.items()]
+    return f"Not reached, or not known of most sections: {'; '.join(parts)}." if parts else ""
+
+
 def level(row: SummaryRow, at: float, factor: float = 1.0) -> str:
     """One quantile of ``row``, times ``factor``, with the decimals of the median and its error."""
     value, places = row.at(at).value, row.at(0.5).places(factor)
@@ -50,8 +57,8 @@ def level(row: SummaryRow, at: float, factor: float = 1.0) -> str:
 
 def mostly_known(row: SummaryRow) -> bool:
     """Whether ``row`` is of most tracks: a median over a minority says nothing of the line."""
-    found = row.at(0.5)
-    return 2 * found.n_censored <= found.n
+    median = row.at(0.5)
+    return 2 * median.n_censored <= median.n
 
 
 def band(row: SummaryRow, factor: float = 1.0) -> str:

@@ -194,7 +194,7 @@ def test_a_maintenance_that_cannot_be_is_refused(table: dict[str, Any], said: st
 def test_no_mean_of_a_minority_and_none_without_an_end() -> None:
     """5 of 12 tracks have a first tamping: what is known of them is known of the fastest alone."""
     from mcsettle.analysis.life import Life
-    from mcsettle.cli.life import life_json, life_lines
+    from mcsettle.cli.life import life_data, life_lines
 
     years = np.full((12, 1), np.nan)
     years[:5, 0] = 1.3
@@ -206,7 +206,7 @@ def test_no_mean_of_a_minority_and_none_without_an_end() -> None:
     lines = "\n".join(life_lines([life]))
     assert "1.3" not in lines
     assert lines.count("(known of 5 of 12, the shortest-lived)") == 5
-    rows = json.loads(life_json([life]))[0]["rows"]
+    rows = life_data([life])[0]["rows"]
     assert rows["first interval, years"] == {
         "n": 5, "mean": None, "standard_error": None, "p5": None, "p50": None, "p95": None,
     }  # fmt: skip

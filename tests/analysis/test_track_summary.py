@@ -20,7 +20,7 @@ from mcsettle.analysis.track_summary import (
 from mcsettle.cli.app import app
 from mcsettle.cli.track import table4_lines, track_lines
 from mcsettle.report import track_pictures
-from mcsettle.report.track_pictures import draw_track, freight_passage
+from mcsettle.report.track_pictures import draw_track
 from mcsettle.step_a import critical_speed
 from mcsettle.study.study import Study, resolved_toml
 
@@ -107,8 +107,6 @@ def test_pictures_and_tables_are_written(
     monkeypatch.setattr(
         track_pictures, "MODELS", {"passenger": (toy.PASSENGER, 1, 55.0, ("complete",))}
     )
-    quick = freight_passage(case, cars=2)
-    monkeypatch.setattr(track_pictures, "freight_passage", lambda case: quick)
     rows, table, said = describe(case), table4(case), []
     written = draw_track(case, rows, table, tmp_path, lambda *step: said.append(step))
     names = {path.name for path in written}

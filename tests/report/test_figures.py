@@ -18,7 +18,7 @@ from mcsettle.report.figures.results import Fan, fan_figure
 from mcsettle.report.figures.section import section_figure, section_view, softening_figure
 from mcsettle.report.figures.slice import DeflectionSlice, slice_figure
 from mcsettle.report.figures.stress import along_figure, depth_figure, table4_figure
-from mcsettle.report.figures.style import FORMATS, log_labels, save
+from mcsettle.report.figures.style import FORMATS, files_of, log_labels
 from mcsettle.report.figures.vehicles import VehiclePeaks, vehicles_figure
 
 X = np.linspace(0.0, 200.0, 41)
@@ -116,9 +116,9 @@ def test_every_axis_has_a_unit_and_no_label_is_cut(draw) -> None:
 def test_same_numbers_same_bytes(draw, tmp_path: Path) -> None:
     """As SVG, which has all that is drawn and ids besides; one of them as PNG too."""
     formats = FORMATS if draw is depth else ("svg",)
-    first = [path.read_bytes() for path in save(draw(), tmp_path / "a", "picture", formats)]
+    first = list(files_of(draw(), tmp_path, "picture", formats).values())
     with matplotlib.rc_context({"font.size": 17, "svg.hashsalt": "other", "axes.grid": False}):
-        second = [path.read_bytes() for path in save(draw(), tmp_path / "b", "picture", formats)]
+        second = list(files_of(draw(), tmp_path, "picture", formats).values())
     assert first == second
     assert first[0].startswith(b"\x89PNG") or draw is not depth
     assert ElementTree.fromstring(first[-1]).tag.endswith("svg")

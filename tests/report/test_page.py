@@ -15,7 +15,7 @@ from mcsettle.cli.app import app
 from mcsettle.economics import elasticity, marginal_cost
 from mcsettle.estimate.estimate import Estimate
 from mcsettle.report.build import read_report
-from mcsettle.report.charging import KM_PER_MILE, charges, marginal_train
+from mcsettle.report.charging import KM_PER_MILE, marginal_train, price_units
 from mcsettle.report.material import read_material
 from mcsettle.report.notebook import plot
 from mcsettle.report.page import Page
@@ -155,35 +155,34 @@ def test_answer_is_the_closed_form_in_every_unit(speed_run: Path) -> None:
     change = study.change("v225")
     gamma = elasticity(1.0, 0.8, 201.0, 225.0)
     median = float(np.median(marginal_cost(gamma, DAYS / 365.0, 5625.0, 0.035, change.divisor)))
-    found = {c.unit: c for c in charges(material, "v225")}
+    factors = {unit.label: unit.factor for unit in price_units(study, "v225")}
     train = marginal_train(study, "v225")
     assert (train.mass, train.cars, train.base_speed, train.speed) == (748.0, 11, 201.0, 225.0)
     expected = {
-        "£ per km/h per 1000 train-km": median,
-        "£ per train-km": median * 24.0 / 1000.0,
-        "£ per vehicle-km": median * 24.0 / 1000.0 / 11.0,
-        "£ per 1000 gross tonne-km": median * 24.0 / 748.0,
+        "km/h per 1000 train-km": median,
+        "train-km": median * 24.0 / 1000.0,
+        "vehicle-km": median * 24.0 / 1000.0 / 11.0,
+        "1000 gross tonne-km": median * 24.0 / 748.0,
     }
-    assert set(found) == set(expected)
+    assert set(factors) == set(expected)
+    cost = material.row("v225", "marginal_cost").at(0.5).value
     for unit, value in expected.items():
-        charge = found[unit]
-        assert charge.row.at(0.5).value * charge.factor == pytest.approx(value, rel=1e-12)
+        assert cost * factors[unit] == pytest.approx(value, rel=1e-12)
 
 
 def test_tonnage_is_charged_by_the_mass_of_the_added_train(tmp_path: Path) -> None:
     made = made_run.tonnage_study()
     folder = made_run.write(tmp_path / "run", made, {"A": DAYS, "C": 0.95 * DAYS})
-    material = read_material(folder)
     train = marginal_train(made, "C")
     assert (train.name, train.mass, train.speed) == ("freight", pytest.approx(4000.0), 97.0)
-    factors = {c.unit: c.factor for c in charges(material, "C")}
+    factors = {unit.label: unit.factor for unit in price_units(made, "C")}
     assert factors == {
-        "£ per 1000 gross tonne-km": 1.0,
-        "£ per train-km": pytest.approx(4.0),
-        "£ per vehicle-km": pytest.approx(0.1),
+        "1000 gross tonne-km": 1.0,
+        "train-km": pytest.approx(4.0),
+        "vehicle-km": pytest.approx(0.1),
     }
-    miles = {c.unit: c.factor for c in charges(read_material(folder, miles=True), "C")}
-    assert miles["£ per train-mile"] == pytest.approx(4.0 * KM_PER_MILE)
+    miles = {unit.label: unit.factor for unit in price_units(made, "C", miles=True)}
+    assert miles["train-mile"] == pytest.approx(4.0 * KM_PER_MILE)
     assert "per train-mile" in page_of(folder, miles=True)
     assert "One more freight train a day (4000 t, 97 km/h) costs about" in page_of(folder)
 

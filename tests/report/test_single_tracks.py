@@ -13,10 +13,10 @@ from mcsettle.report.render import html
 from mcsettle.report.single_tracks import (
     mixed_days,
     mixed_scenario,
-    prepared_step_a,
     profiles_at_limit,
 )
 from mcsettle.run.pipeline import run_study
+from mcsettle.step_a.transfers import step_a
 
 TRAINS = {
     "passenger": {"vehicle": "passenger", "cars": 2},
@@ -46,7 +46,7 @@ def material(run: Path) -> Material:
 
 
 def test_profiles_are_those_of_the_run(material: Material) -> None:
-    shown = profiles_at_limit(material, prepared_step_a(material))
+    shown = profiles_at_limit(material, step_a(material.study.scenes))
     table = material.results.realisations
     first = table[table["realisation"] == 0].set_index("scenario")
     study = material.study
@@ -60,7 +60,7 @@ def test_profiles_are_those_of_the_run(material: Material) -> None:
 
 def test_mixed_traffic_follows_the_timetable(material: Material) -> None:
     assert mixed_scenario(material) == "C"
-    view = mixed_days(material, "C", prepared_step_a(material))
+    view = mixed_days(material, "C", step_a(material.study.scenes))
     assert (view.days[0], view.days[-1]) == (2.0, 4.0)
     assert np.all(np.isfinite(view.sd))
     assert [name for name, _, _ in view.blocks] == ["passenger", "freight"] * 2

@@ -7,7 +7,7 @@ import toy
 from typer.testing import CliRunner
 
 from mcsettle.cli.app import app
-from mcsettle.cli.plan import plan_text
+from mcsettle.cli.plan import plan_lines
 from mcsettle.run import plan as plans
 from mcsettle.run.plan import is_long, plan
 from mcsettle.study.study import resolved_toml
@@ -24,7 +24,7 @@ def test_a_plan_counts_what_a_run_will_write(stepping):
     assert 400.0 < found.memory_mb < 1000.0
     # some weeks of traffic until the limit
     assert 1e4 < found.passages / found.rows < 1e6
-    assert "10000 = 5000 realisations × 2 scenarios × 1 variants" in plan_text(found)
+    assert "10000 = 5000 realisations × 2 scenarios × 1 variants" in next(plan_lines(found))
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,6 @@ def grounds_figure(report: "GroundReport") -> Figure:
 
 
 def _bands(axes: Axes, place: np.ndarray, values: np.ndarray) -> None:
-    known = ~np.isnan(values[:, 1])
-    axes.vlines(place[known], values[known, 0], values[known, -1], color=COLOURS[5], linewidth=3)
-    axes.plot(place[known], values[known, 1], "o", color=COLOURS[0], markersize=3.5)
+    some = ~np.isnan(values[:, 1])
+    axes.vlines(place[some], values[some, 0], values[some, -1], color=COLOURS[5], linewidth=3)
+    axes.plot(place[some], values[some, 1], "o", color=COLOURS[0], markersize=3.5)

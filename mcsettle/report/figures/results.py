@@ -284,9 +284,9 @@ def _far_off(fans: Sequence[Fan], limit: float) -> bool:
     values = [
         np.asarray(q, dtype=float) for fan in fans for q in (fan.quantiles[2], fan.quantiles[4])
     ]
-    known = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.empty(0)
-    return bool(known.size) and float(known.max() - known.min()) < 0.5 * (
-        limit - float(known.min())
+    finite = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.empty(0)
+    return bool(finite.size) and float(finite.max() - finite.min()) < 0.5 * (
+        limit - float(finite.min())
     )
 
 
@@ -342,16 +342,16 @@ def draw_spreads(axes: Axes, spreads: Sequence[Spread], label: str) -> None:
 
 def _draw_quantiles(axes: Axes, row: int, quantiles: tuple[float, ...], colour: str) -> None:
     """Line P5 to P95, bar of the middle half, mark of the median; an arrow where an end is not known."""
-    known = [q for q in quantiles if np.isfinite(q)]
-    ends = [q if np.isfinite(q) else known[-1] for q in quantiles]
+    finite = [q for q in quantiles if np.isfinite(q)]
+    ends = [q if np.isfinite(q) else finite[-1] for q in quantiles]
     p5, p25, p50, p75, p95 = ends
     axes.plot([p5, p95], [row, row], color=colour, linewidth=1.5, solid_capstyle="butt")
     axes.plot([p25, p75], [row, row], color=colour, linewidth=6.5, alpha=0.5,
               solid_capstyle="butt")  # fmt: skip
     if np.isfinite(quantiles[2]):
         axes.plot(p50, row, "|", color=colour, markersize=13, markeredgewidth=2.2)
-    if len(known) < len(quantiles):
-        axes.annotate("", xytext=(known[-1], row), xy=(1.0, row), color=colour,
+    if len(finite) < len(quantiles):
+        axes.annotate("", xytext=(finite[-1], row), xy=(1.0, row), color=colour,
                       xycoords=("axes fraction", "data"), textcoords="data",
                       arrowprops={"arrowstyle": "->", "color": colour, "linestyle": ":"})  # fmt: skip
 

@@ -128,20 +128,20 @@ def _loads(
     k = first.rail.wavenumbers
     phases = np.exp(1j * np.outer(axles, k))
 
-    def loaded(found: FieldSpectra, acting: np.ndarray) -> np.ndarray:
-        both = np.column_stack([found.rail.receptance, found.ground])
-        load = (acting @ phases) * found.rail.weights / (2.0 * math.pi)
+    def loaded(response: FieldSpectra, acting: np.ndarray) -> np.ndarray:
+        both = np.column_stack([response.rail.receptance, response.ground])
+        load = (acting @ phases) * response.rail.weights / (2.0 * math.pi)
         return np.asarray(both * load[:, None])
 
     static = loaded(first, train.axle_forces.astype(complex))
     dynamic, forces = np.zeros_like(static), np.zeros(axles.size)
-    for mode, found in enumerate(spectra):
+    for mode, response in enumerate(spectra):
         vehicle = train_compliance(train, float(kappa[mode] * speed))
-        track = track_compliance_matrix(found.rail, axles)
+        track = track_compliance_matrix(response.rail, axles)
         meets = turned[mode] * np.exp(1j * kappa[mode] * axles)
         acting = dynamic_forces(vehicle, track, meets, hertz_stiffness)
         forces += acting.real
-        dynamic += loaded(found, acting)
+        dynamic += loaded(response, acting)
     return _Loads(k, static, dynamic, forces)
 
 

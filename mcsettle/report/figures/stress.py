@@ -82,10 +82,10 @@ def table4_figure(rows: list[Increase], profile_text: str) -> Figure:
     panels = dict(zip(("quasi-static", "dynamic"), figure.subplots(1, 2), strict=True))
     for index, definition in enumerate(DEFINITIONS):
         kind, name = definition.split(", ")
-        own = [row for row in rows if row.definition == definition]
-        percent = np.array([row.percent for row in own])
-        reach = np.array([[row.percent - row.low, row.high - row.percent] for row in own]).T
-        speeds = np.array([row.speed / KMH for row in own])
+        increases = [row for row in rows if row.definition == definition]
+        percent = np.array([row.percent for row in increases])
+        reach = np.array([[row.percent - row.low, row.high - row.percent] for row in increases]).T
+        speeds = np.array([row.speed / KMH for row in increases])
         style = look(index) | {"marker": MARKERS[index], "markersize": 5}
         shift = 0.25 * (2 * (index % 2) - 1) if reach.any() else 0.0
         panels[kind].errorbar(
@@ -107,9 +107,9 @@ def table4_figure(rows: list[Increase], profile_text: str) -> Figure:
 
 
 def _published(axes: Axes, rows: list[Increase]) -> None:
-    known = {row.speed / KMH: row.published for row in rows if row.published is not None}
-    if known:
+    published = {row.speed / KMH: row.published for row in rows if row.published is not None}
+    if published:
         axes.plot(
-            list(known), list(known.values()), "*", color=COLOURS[6], markersize=11,
+            list(published), list(published.values()), "*", color=COLOURS[6], markersize=11,
             label="published", zorder=5,
         )  # fmt: skip

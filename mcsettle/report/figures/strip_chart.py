@@ -69,8 +69,8 @@ def _dates(
     capped = np.minimum(quantiles, horizon) / DAYS_PER_YEAR
     x = 0.5 * (history.chainage_from + history.chainage_to)[rows] / 1000.0
     axes.vlines(x, capped[:, 0], capped[:, 2], color=COLOURS[0], linewidth=2.2, alpha=0.55)
-    known = np.isfinite(quantiles[:, 1])
-    axes.plot(x[known], capped[known, 1], "o", color=COLOURS[0], markersize=3)
+    reached = np.isfinite(quantiles[:, 1])
+    axes.plot(x[reached], capped[reached, 1], "o", color=COLOURS[0], markersize=3)
     open_ended = ~np.isfinite(quantiles[:, 2])
     axes.plot(x[open_ended], np.full(open_ended.sum(), years), "^", color=GREY, markersize=4)
     ticks = np.arange(0.0, years + 0.5, max(1.0, np.ceil(years / 8.0)))

@@ -17,8 +17,6 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
-from mcsettle.storage.marks import NO_STUDY, write_marked
-
 P = ParamSpec("P")
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -118,31 +116,10 @@ def legend_outside(axes: Axes, **options: Any) -> None:
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, **options)
 
 
-def save(
-    figure: Figure,
-    folder: Path,
-    name: str,
-    formats: Sequence[str] = FORMATS,
-    study: str = NO_STUDY,
-    force: bool = False,
-) -> list[Path]:
-    """Write ``figure`` into ``folder`` in each format; the same picture gives the same bytes.
-
-    ``study``: the mark that the files bear, and that those they replace have to bear (not so with
-    ``force``).
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written, or holds others' files of these names.
-    """
-    return write_marked(files_of(figure, folder, name, formats), study, force)
-
-
 def files_of(
     figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMATS
 ) -> dict[Path, bytes]:
-    """The files that ``save`` writes, and their content."""
+    """Files of ``figure`` in each format, and their content: the same picture gives the same bytes."""
     return {folder / f"{name}.{kind}": drawn(figure, kind) for kind in formats}
 
 

@@ -93,8 +93,8 @@ def vehicle_peaks(
         compliance = compliance_between(spectra, phases)
         ahead = np.exp(1j * kappa * positions)
         for model, train in trains.items():
-            own = train_compliance(train, omega)
-            forces = dynamic_forces(own, compliance, ahead, contact)
+            of_vehicles = train_compliance(train, omega)
+            forces = dynamic_forces(of_vehicles, compliance, ahead, contact)
             field = _field(spectra, forces @ backwards)[keep]
             fields[model][mode] = field * np.exp(-1j * kappa * s)
     x = np.linspace(0.0, window, 401)
