@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcsettle.estimate.likelihood import IMPOSSIBLE, likelihood
+from mcsettle.estimate.likelihood import likelihood, relative_weights
 from mcsettle.estimate.observation import Course, Observation
 from mcsettle.estimate.resampling import effective
 
@@ -38,11 +38,10 @@ class Conditioning:
     @property
     def weights(self) -> np.ndarray:
         """Weights [E] that add up to 1; all zero where no set makes the observations possible."""
-        highest = np.max(self.log_likelihood)
-        if not highest > IMPOSSIBLE:
-            return np.zeros(len(self.log_likelihood))
-        raw = np.exp(self.log_likelihood - highest)
-        return np.asarray(raw / np.sum(raw))
+        (shares,) = relative_weights(self.log_likelihood[None])
+        return np.asarray(
+            shares / max(np.sum(shares), 1.0)
+        )  # the largest of them is 1, or all are 0
 
     @property
     def effective(self) -> float:

@@ -10,7 +10,7 @@ Sets may be weighted (``conditioning``: by the likelihood of what was observed);
 interval are then those of as many sets as carry the weight, 1/Σp².
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,7 +19,7 @@ from scipy import special
 
 from mcsettle.estimate import sample as plain
 from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic, finite
-from mcsettle.estimate.order_statistics import implied_error, order_positions, worth
+from mcsettle.estimate.order_statistics import order_positions, worth
 from mcsettle.estimate.resampling import Resampling, Weights, plain_weights
 from mcsettle.estimate.weighted_quantiles import first_to_reach
 
@@ -127,7 +127,7 @@ class CrossedSample:
                 continue
             known = float(_quantiles(self.values, levels, drawn, 1)[k, 0])
             worst = float(below[k, 0]), float(above[k, 0])
-            estimates.append(_bounded(known, worst, (lower, upper), n, n_unknown, self.unit))
+            estimates.append(plain.bounded(known, worst, (lower, upper), n, n_unknown, self.unit))
         return estimates
 
     def interval_quantiles(self, levels: Sequence[float] = LEVELS) -> list[Estimate]:
@@ -155,20 +155,20 @@ class CrossedSample:
         if len(self.values) == 1:
             return plain.summarise_intervals(self.values[0], self._ends[0])
         mean = Statistic("restricted_mean", None, self.restricted().mean())
-        return [*_at_levels(self.interval_quantiles()), mean]
+        return [*plain.at_levels(self.interval_quantiles()), mean]
 
     def effect_statistics(self) -> list[Statistic]:
         """Quantiles of a paired effect; its mean too if none is censored."""
         if len(self.values) == 1:
             return plain.summarise_effects(self.values[self.valid], self.unit)
-        rows = _at_levels(self.quantiles())
+        rows = plain.at_levels(self.quantiles())
         return rows if np.any(self.censored) else [*rows, Statistic("mean", None, self.mean())]
 
     def certain_statistics(self) -> list[Statistic]:
         """Quantiles; one that the censored values could move is not given."""
         if len(self.values) == 1:
-            return _at_levels(self.interval_quantiles())
-        return _at_levels(
+            return plain.at_levels(self.interval_quantiles())
+        return plain.at_levels(
             replace(e, value=None, standard_error=None) if e.note else e for e in self.quantiles()
         )
 
@@ -207,26 +207,6 @@ class CrossedSample:
     @property
     def _ends(self) -> np.ndarray:
         return np.broadcast_to(self.at_least, self.values.shape)
-
-
-def _at_levels(estimates: Iterable[Estimate]) -> list[Statistic]:
-    return [Statistic("quantile", p, e) for p, e in zip(LEVELS, estimates, strict=True)]
-
-
-def _bounded(
-    value: float,
-    worst: tuple[float, float],
-    interval: tuple[float | None, float | None],
-    n: int,
-    n_unknown: int,
-    unit: str,
-) -> Estimate:
-    """Estimate of a quantile that the unknown values could move between ``worst``."""
-    note = f"worst case {worst[0]:.4g} to {worst[1]:.4g}"
-    if 2 * n_unknown > n or not worst[0] <= value <= worst[1]:
-        return Estimate(None, *interval, None, n, n_unknown, unit, note)
-    note = f"over {n - n_unknown} uncensored pairs; {note}"
-    return Estimate(value, *interval, implied_error(interval, value), n, n_unknown, unit, note)
 
 
 def _quantiles(

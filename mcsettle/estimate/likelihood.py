@@ -64,7 +64,7 @@ class Likelihood:
 
     def weights(self) -> SetWeights:
         """Weights of the sets, computed anew for resampled tracks."""
-        given = remembered(lambda counts: _relative(self.of_tracks(counts)))
+        given = remembered(lambda counts: relative_weights(self.of_tracks(counts)))
         return SetWeights(given(np.ones((1, self.n_tracks)))[0], given, self.n_tracks)
 
 
@@ -121,7 +121,7 @@ def log_mean(logs: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return np.where(total > 0.0, found, -np.inf)
 
 
-def _relative(logs: np.ndarray) -> np.ndarray:
+def relative_weights(logs: np.ndarray) -> np.ndarray:
     """Weights [B, E] of log likelihoods, the largest of each row 1; zero where nothing is possible."""
     highest = np.max(logs, axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):

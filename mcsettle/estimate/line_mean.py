@@ -14,7 +14,7 @@ import numpy as np
 
 from mcsettle.estimate.crossed import CrossedSample
 from mcsettle.estimate.estimate import LEVELS, Estimate, Statistic
-from mcsettle.estimate.line_mean_error import Moments, line_intervals, section_moments
+from mcsettle.estimate.line_mean_error import Moments, line_intervals, moments
 from mcsettle.estimate.order_statistics import implied_error
 from mcsettle.estimate.resampling import Resampling
 from mcsettle.estimate.weighted_quantiles import smooth_quantiles
@@ -66,7 +66,7 @@ def line_means(
     drawn = sample.resampling.of_sets(some)
     lost = int(np.sum(np.isnan(values)))
     mean = replace(sample.section_mean(), n_censored=lost)
-    of_sections = section_moments(values[some], drawn)
+    of_sections = moments(values[some], drawn) if values.shape[1] > 1 else None
     rows = []
     for length in lengths_km:
         count = round(1000.0 * length / section_m)
@@ -97,7 +97,7 @@ def _of_lines(
     quantiles = (
         np.quantile(lines, LEVELS) if alike else smooth_quantiles(lines.ravel(), of_lines, LEVELS)
     ).tolist()
-    intervals = line_intervals(of_sections, lines, count, LEVELS, quantiles, drawn)
+    intervals = line_intervals(of_sections, lines, count, quantiles, drawn)
     return [
         Estimate(value, *ends, implied_error(ends, value), n, 0, sample.unit)
         for value, ends in zip(quantiles, intervals, strict=True)
@@ -108,7 +108,7 @@ def _drawn_lines(values: np.ndarray, count: int, seed: int) -> np.ndarray:
     """Means [E, n] of ``count`` sections each, drawn with replacement within one parameter set."""
     sections = [row[~np.isnan(row)] for row in values]
     rows = _drawn_rows(tuple(map(len, sections)), count, seed)
-    return np.array([own[drawn].mean(axis=1) for own, drawn in zip(sections, rows, strict=True)])
+    return np.array([one[drawn].mean(axis=1) for one, drawn in zip(sections, rows, strict=True)])
 
 
 @lru_cache(maxsize=len(LENGTHS_KM))

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from mcsettle.estimate.estimate import LEVELS
 from mcsettle.estimate.order_statistics import TAIL, order_positions, worth
 from mcsettle.estimate.resampling import Resampling
 from mcsettle.estimate.weighted_quantiles import smooth_quantiles
@@ -36,13 +37,9 @@ class Moments:
     skew: np.ndarray
     fourth: np.ndarray
 
-    def times(self, factor: np.ndarray) -> "Moments":
-        """Those of sections times ``factor`` > 0, broadcast."""
-        return Moments(factor * self.mean, factor * self.sd, self.skew, factor**4 * self.fourth)
-
 
 def moments(values: np.ndarray, drawn: Resampling) -> Moments:
-    """Moments of every set's sections [E, R] (NaN left out) in each resample of the tracks."""
+    """Moments of every set's sections [E, R], one or more known in every set, in each resample."""
     known = ~np.isnan(values)
     centre = np.nanmean(values, axis=1)
     off = np.where(known, values - centre[:, None], 0.0)
@@ -56,7 +53,8 @@ def moments(values: np.ndarray, drawn: Resampling) -> Moments:
         cube = third - 3.0 * first * second + 2.0 * first**3
         skew = np.where(sd > 0.0, cube / np.where(sd > 0.0, sd, 1.0) ** 3, 0.0)
     high = fourth - 4.0 * first * third + 6.0 * first**2 * second - 3.0 * first**4
-    return Moments(centre + first, sd, skew, high)
+    factor = drawn.factors[:, None]
+    return Moments(factor * (centre + first), factor * sd, skew, factor**4 * high)
 
 
 def curve(level: float | np.ndarray, skew: np.ndarray) -> np.ndarray:
@@ -68,32 +66,21 @@ def curve(level: float | np.ndarray, skew: np.ndarray) -> np.ndarray:
     )
 
 
-def section_moments(values: np.ndarray, drawn: Resampling) -> Moments | None:
-    """Moments of single sections [E, R], one or more known in every set, in each resample.
-
-    None where there is but one track.
-    """
-    if values.shape[1] < 2:
-        return None
-    return moments(values, drawn).times(drawn.factors[:, None])
-
-
 def line_intervals(
     of_sections: Moments | None,
     lines: np.ndarray,
     count: int,
-    levels: Sequence[float],
     quantiles: Sequence[float],
     drawn: Resampling,
 ) -> list[tuple[float | None, float | None]]:
-    """95 % intervals of ``quantiles``, those at ``levels`` of the mean over ``count`` sections.
+    """95 % intervals of ``quantiles``, those at ``LEVELS`` of the mean over ``count`` sections.
 
     Parameters
     ----------
-    of_sections : ``section_moments``
+    of_sections : ``moments``; None where there is but one track
     lines : ndarray, shape [E, n], means over lines of every set
     count : sections of a line, at least 2
-    levels, quantiles : shape [L]
+    quantiles : shape [L]
     drawn : of the sets and tracks
 
     Returns
@@ -102,8 +89,8 @@ def line_intervals(
         None where that side is open.
     """
     intervals = []
-    of_tracks = _tracks(of_sections, count, levels, drawn)
-    for level, value, reaches in zip(levels, quantiles, of_tracks, strict=True):
+    of_tracks = _tracks(of_sections, count, drawn)
+    for level, value, reaches in zip(LEVELS, quantiles, of_tracks, strict=True):
         ends = []
         of_sets = _sets(lines, level, value, drawn.by_set[0])
         for track, end, sign in zip(reaches, of_sets, (-1.0, 1.0), strict=True):
@@ -114,16 +101,16 @@ def line_intervals(
 
 
 def _tracks(
-    of_sections: Moments | None, count: int, levels: Sequence[float], drawn: Resampling
+    of_sections: Moments | None, count: int, drawn: Resampling
 ) -> list[tuple[float, float]]:
     """How far the quantiles reach down and up for want of tracks; infinite where unknown."""
     if of_sections is None:
-        return [(np.inf, np.inf) for _ in levels]
+        return [(np.inf, np.inf) for _ in LEVELS]
     if of_sections.mean.shape[1] == 1:
         n_tracks = len(drawn.blocks)
-        return [_one_set(of_sections, count, level, n_tracks) for level in levels]
+        return [_one_set(of_sections, count, level, n_tracks) for level in LEVELS]
     reaches = []
-    for resampled in _mixed(of_sections, count, levels, drawn.sets_kept):
+    for resampled in _mixed(of_sections, count, drawn.sets_kept):
         others = resampled[1:][np.isfinite(resampled[1:])]
         if len(others) < 2:
             reaches.append((np.inf, np.inf))
@@ -156,9 +143,7 @@ def _one_set(of_sections: Moments, count: int, level: float, n_tracks: int) -> t
     return max(float(high * error[0]), 0.0), max(float(-low * error[0]), 0.0)
 
 
-def _mixed(
-    of_sections: Moments, count: int, levels: Sequence[float], by_set: np.ndarray
-) -> np.ndarray:
+def _mixed(of_sections: Moments, count: int, by_set: np.ndarray) -> np.ndarray:
     """Quantiles [L, B] over the mixture of the sets' curves, weighted by ``by_set`` [B, E]."""
     each = max(11, POINTS // by_set.shape[1])
     shares = (np.arange(each) + 0.5) / each
@@ -168,7 +153,7 @@ def _mixed(
     )
     weights = np.repeat(by_set, each, axis=1)
     rows = zip(points.reshape(len(by_set), -1), weights, strict=True)
-    return np.array([smooth_quantiles(row, of_row, levels) for row, of_row in rows]).T
+    return np.array([smooth_quantiles(row, of_row, LEVELS) for row, of_row in rows]).T
 
 
 def _sets(

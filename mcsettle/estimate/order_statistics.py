@@ -35,12 +35,10 @@ def worth(share: float, variance: float, sizes: Sequence[float]) -> float:
     return float(min(MANY, shrunk * plain / variance)) if variance > plain / MANY else MANY
 
 
-def implied_error(
-    ends: Sequence[float | None], value: float, confidence: float = CONFIDENCE
-) -> float | None:
-    """Standard error that a confidence interval implies; from one side where the other is open."""
+def implied_error(ends: Sequence[float | None], value: float) -> float | None:
+    """Standard error that a 95 % interval implies; from one side where the other is open."""
     sides = [abs(end - value) for end in ends if end is not None]
-    return float(np.mean(sides)) / float(special.ndtri(0.5 + 0.5 * confidence)) if sides else None
+    return float(np.mean(sides)) / float(special.ndtri(1.0 - TAIL)) if sides else None
 
 
 def order_positions(n: float, level: float) -> tuple[float | None, float | None]:

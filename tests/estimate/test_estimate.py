@@ -86,7 +86,6 @@ def test_restricted_mean_is_the_integral_of_the_curve():
     censored_at = np.array([np.nan, np.nan, 400.0, np.nan])
     # Survival 1, 3/4, 1/2, 1/4 over four spans of 100 d.
     assert restricted_mean(days, censored_at).value == pytest.approx(250.0)
-    assert restricted_mean(days, censored_at, 250.0).value == pytest.approx(200.0)
 
 
 def test_quantile_beyond_the_last_event_is_not_reached():
@@ -157,7 +156,7 @@ def test_effect_that_bounds_contradict_is_not_identified():
 
 def test_mean_covers_the_truth_of_a_skewed_sample():
     rng = np.random.default_rng(5)
-    estimates = [mean(rng.exponential(2.0, 100), "GBP", n_resamples=499) for _ in range(150)]
+    estimates = [mean(rng.exponential(2.0, 100), "GBP") for _ in range(150)]
     covered = np.mean([e.lower < 2.0 < e.upper for e in estimates])
     # 150 experiments: standard error 1.8 %; BCa of 100 skewed values falls short by 1–2 %.
     assert covered > 0.95 - 0.02 - 4.0 * 0.018
@@ -212,7 +211,7 @@ def test_relative_error():
         (lambda: quantile(np.array([1.0, np.nan]), 0.5, "d"), "all finite"),
         (lambda: quantile(np.ones(3), 1.0, "d"), "level is 1.0"),
         (lambda: interval_quantile(np.ones(3), np.ones(2), 0.5), "pair up"),
-        (lambda: restricted_mean(np.array([np.nan]), np.array([5.0]), 6.0), "no later than that"),
+        (lambda: restricted_mean(np.array([np.nan]), np.array([np.nan])), "one or more"),
         (lambda: effect_quantile(np.array([]), 0.5, "%"), "0 values"),
     ],
 )
