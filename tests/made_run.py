@@ -93,14 +93,14 @@ def _shard(folder, made, provenance, variant, scenario, days, ends, bad, member)
     growth = np.where(days > 365.0, (limit - start) * 365.0 / days, np.nan)
     table = keys | {
         "status": status.tolist(),
-        "tamping_interval_days": rows.nullable(days),
-        "censored_at_days": rows.nullable(ends),
+        "tamping_interval_days": days,
+        "censored_at_days": ends,
         "passages": np.full(n, 1000),
         "tonnage_mgt": np.ones(n),
         "sd_initial_mm": np.full(n, start),
         "sd_final_mm": np.where(reached, limit, 0.5 * (start + limit)),
         "mean_settlement_mm": np.ones(n),
-        "sd_growth_1y_mm": rows.nullable(growth),
+        "sd_growth_1y_mm": growth,
         "failure": [rows.FAILURE if b else None for b in bad],
     }
     table |= rows.input_columns(member, n)

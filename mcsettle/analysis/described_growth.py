@@ -10,7 +10,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mcsettle.analysis.growth_courses import days_since_tamping, start_sds
+from mcsettle.analysis.growth_courses import (
+    SteppedCourses,
+    SteppedGrowth,
+    days_since_tamping,
+    start_sds,
+)
 from mcsettle.railway.line_history import LineHistory
 from mcsettle.units import DAYS_PER_YEAR
 
@@ -43,7 +48,7 @@ class DescribedCourses:
 
 @dataclass(frozen=True, eq=False)
 class DescribedGrowth:
-    """Growth with time to the ``power`` q, by hand."""
+    """Growth with time to the ``power`` q, by hand; ``logs`` [F] of its rates, equally spaced."""
 
     name: str
     power: float
@@ -56,6 +61,10 @@ class DescribedGrowth:
         return DescribedCourses(
             start_sds(self.history, rows, start), age, np.exp(self.logs), self.power
         )
+
+
+Courses = SteppedCourses | DescribedCourses
+Growth = SteppedGrowth | DescribedGrowth
 
 
 def by_hand(history: LineHistory) -> tuple[DescribedGrowth, ...]:

@@ -8,7 +8,6 @@ than the rest, so it takes three values: as measured, and √3 standard errors t
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -30,31 +29,6 @@ ROWS = 20_000  # realisations advanced at a time: bounds the memory
 TOLERANCE = 1e-4  # of a step, relative to the amplitudes: SDs within 0.001 mm of those at 1e-6
 MOST_GROWN = 10.0  # times the largest SD: a track is followed no further
 ABOVE = 8.0  # standard errors above limit and measurements a track is followed
-
-
-class Courses(Protocol):
-    """SDs of P sections from a run on, for N start SDs and F rates."""
-
-    def on(self, day: np.ndarray) -> np.ndarray:
-        """SD [P, N, F] m on ``day`` [P] after the run; inf where it has left the range that matters."""
-
-    def reaching(self, limit: np.ndarray) -> np.ndarray:
-        """Days [P, N, F] from the run to the SD ``limit`` [P] m; inf where it is not reached."""
-
-
-class Growth(Protocol):
-    """A form of growth."""
-
-    @property
-    def name(self) -> str:
-        """What it is called in outputs."""
-
-    @property
-    def logs(self) -> np.ndarray:
-        """Logarithms [F] of its rates, equally spaced."""
-
-    def courses(self, rows: np.ndarray, start: int, horizon: float) -> Courses:
-        """Courses of the sections ``rows`` [P] from run ``start`` on, over ``horizon`` days."""
 
 
 def start_sds(history: LineHistory, rows: np.ndarray, start: int) -> np.ndarray:

@@ -69,8 +69,7 @@ def lives(
     InputError
         The study has no ``[maintenance]`` or no ``[economics]``, or steps passage by passage.
     """
-    table = study.maintenance
-    prices = study.economics
+    table, prices = study.maintenance, study.economics
     if table is None or prices is None:
         raise InputError("tamping again and again needs the tables [maintenance] and [economics]")
     if study.uncertain:
@@ -92,9 +91,8 @@ def lives(
             of_scenario[scenario] = tampings(scene, case, table, upkeep, indices, text, progress)
         for scenario in study.scenario_names:
             effects = [e for e in study.effects.values() if e.scenario == scenario]
-            priced += [_priced(prices, variant, scenario, e, of_scenario) for e in effects]
-            if not effects:
-                priced.append(_priced(prices, variant, scenario, None, of_scenario))
+            for effect in effects or (None,):
+                priced.append(_priced(prices, variant, scenario, effect, of_scenario))
     return priced
 
 

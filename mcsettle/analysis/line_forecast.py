@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcsettle.analysis.growth_courses import NODE_WEIGHTS, Courses, Growth
+from mcsettle.analysis.described_growth import Courses, Growth
+from mcsettle.analysis.growth_courses import NODE_WEIGHTS
 from mcsettle.estimate.pooling import Pooled, pooled
 from mcsettle.railway.line_history import LineHistory
 from mcsettle.types import Progress, silent

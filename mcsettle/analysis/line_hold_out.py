@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from mcsettle.analysis.growth_courses import Growth
+from mcsettle.analysis.described_growth import Growth
 from mcsettle.analysis.line_forecast import FormOfGrowth, line_forecast
 from mcsettle.errors import InputError
 from mcsettle.railway.line_history import LineHistory

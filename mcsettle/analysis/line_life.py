@@ -8,18 +8,17 @@ as persistent as the study says; the ballast's count of cycles begins anew and t
 form described by hand an interval is ((limit − SD after) / r)^(1/q) years.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import date
 
 import numpy as np
 import pandas as pd
 
-from mcsettle.analysis.described_growth import DescribedGrowth
+from mcsettle.analysis.described_growth import DescribedGrowth, Growth
 from mcsettle.analysis.growth_courses import (
     ROWS,
     TOLERANCE,
-    Growth,
     SteppedGrowth,
     days_since_tamping,
     start_profiles,
@@ -28,7 +27,7 @@ from mcsettle.analysis.growth_courses import (
 )
 from mcsettle.analysis.line_draws import line_draws
 from mcsettle.analysis.line_forecast import LineForecast, line_forecast, starts
-from mcsettle.analysis.sections import LEVELS, calendar, due_table, growths, ready
+from mcsettle.analysis.sections import LEVELS, calendar, due_table, places, ready
 from mcsettle.analysis.tamped_tracks import (
     Tracks,
     Upkeep,
@@ -95,15 +94,8 @@ class LineLife:
     def table(self) -> pd.DataFrame:
         """A row for each section, dearest first; dates of its first and second tamping."""
         history, rows = self.line.history, self.forecast.rows
-        columns: dict[str, object] = {
-            **({"track": history.track[rows]} if (history.track != "").any() else {}),
-            "chainage_from_m": history.chainage_from[rows],
-            "chainage_to_m": history.chainage_to[rows],
-            "sd_now_mm": history.last_sd[rows] / MM,
-            "sd_limit_mm": history.sd_limit[rows] / MM,
-        }
-        parts = {"tampings": self.count, "cost": self.cost}
-        for name, values in parts.items():
+        columns = places(history, rows)
+        for name, values in (("tampings", self.count), ("cost", self.cost)):
             columns[f"{name}_mean"] = values.mean(axis=0)
             for level, quantiles in zip(LEVELS, np.quantile(values, LEVELS, axis=0), strict=True):
                 columns[f"{name}_p{level * 100:02.0f}"] = quantiles
@@ -111,9 +103,8 @@ class LineLife:
             for level, days in zip(LEVELS, self._dates(place), strict=True):
                 columns[f"{name}_p{level * 100:02.0f}"] = days
         columns["followed_no_further"] = self.is_open.mean(axis=0)
-        table = pd.DataFrame(columns)
         order = np.argsort(-self.cost.mean(axis=0), kind="stable")
-        return table.iloc[order].reset_index(drop=True)
+        return pd.DataFrame(columns).iloc[order].reset_index(drop=True)
 
     def _dates(self, place: int) -> Iterator[list[date | None]]:
         """Dates [S] of a tamping at each level; None beyond the horizon."""
@@ -140,11 +131,10 @@ def line_life(
     if study.maintenance is None or study.economics is None:
         raise InputError("tamping again and again needs the tables [maintenance] and [economics]")
     recovery = _recovery(study.maintenance)
-    line, prepared = ready(study, progress, processes)
-    assert study.line is not None
+    line, growths = ready(study, progress, processes)
     history, horizon = line.history, study.limit.horizon_days
     _check_limits(history, recovery)
-    forms: Sequence[Growth] = growths(study.line.growth, prepared, study.scenes, history)
+    forms = growths(history)
     forecast = line_forecast(forms, history, horizon, progress)
     count = draws or capped(DRAWS)
     drawn = list(line_draws(forecast, count, study.seed))
@@ -228,7 +218,6 @@ class _Drawn:
         """Days [R, C] of tampings from the last run on, and whether [R] there are more."""
         if isinstance(growth, DescribedGrowth):
             return self._by_hand(growth)
-        assert isinstance(growth, SteppedGrowth)
         return self._by_step_b(growth, progress)
 
     def _by_hand(self, growth: DescribedGrowth) -> tuple[np.ndarray, np.ndarray]:
@@ -254,15 +243,8 @@ class _Drawn:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Tampings by Step B, sections of one scene, limit and first run at a time."""
         history, rows, factor = self.history, self.forecast.rows, self.rates(growth)
-        kinds = list(
-            zip(
-                history.variant[rows],
-                history.scenario[rows],
-                history.sd_limit[rows],
-                _start_runs(history, rows),
-                strict=True,
-            )
-        )
+        told = (of[rows] for of in (history.variant, history.scenario, history.sd_limit))
+        kinds = list(zip(*told, _start_runs(history, rows), strict=True))
         days = np.full((len(factor), self.cycles), np.nan)
         is_open, typical = np.zeros(len(factor), bool), min(64, self.study.run.realisations)
         for kind in dict.fromkeys(kinds):

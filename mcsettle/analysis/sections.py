@@ -1,6 +1,6 @@
 """The sections of a line as a table: where, how rough now, how fast, when due, and what first."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date, timedelta
 from functools import partial
@@ -8,23 +8,23 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from mcsettle.analysis.described_growth import by_hand
+from mcsettle.analysis.described_growth import Growth, by_hand
 from mcsettle.analysis.growth_by_wave import growth_by_wave
-from mcsettle.analysis.growth_courses import Growth, SteppedGrowth
+from mcsettle.analysis.growth_courses import SteppedGrowth
 from mcsettle.analysis.line_draws import line_draws
 from mcsettle.analysis.line_forecast import LineForecast, line_forecast
 from mcsettle.analysis.line_hold_out import HoldOut, hold_out
 from mcsettle.analysis.worksites import TampingPrices, Worksite, one_by_one, worksites
 from mcsettle.errors import InputError
 from mcsettle.railway.line_history import LineHistory
-from mcsettle.railway.scene import Scene
-from mcsettle.step_a.transfers import StepA, step_a
+from mcsettle.step_a.transfers import step_a
 from mcsettle.study.build_line import Line, build_line
 from mcsettle.study.study import Study
 from mcsettle.types import Progress, silent
 from mcsettle.units import DAYS_PER_YEAR, MM
 
 YEARS = (1, 2, 3)
+Growths = Callable[[LineHistory], tuple[SteppedGrowth, *tuple[Growth, ...]]]
 DRAWS = 400  # of the whole line, for lengths due in a year
 LEVELS = (0.05, 0.5, 0.95)
 
@@ -63,13 +63,11 @@ def sections_report(
     InputError
         There is no ``[line]``, or it cannot be used.
     """
-    line, prepared = ready(study, progress, processes)
+    line, growths = ready(study, progress, processes)
     assert study.line is not None
-    history, horizon = line.history, study.limit.horizon_days
-    model, *others = growths(study.line.growth, prepared, study.scenes, history)
-    forecast = line_forecast([model, *others], history, horizon, progress)
-    table = _table(history, forecast)
-    plan = study.line.plan
+    history, plan = line.history, study.line.plan
+    model, *others = growths(history)
+    forecast = line_forecast([model, *others], history, study.limit.horizon_days, progress)
     prices = TampingPrices(plan.cost_per_shift, plan.output_m_per_shift, plan.least_length_m)
     lengths = history.lengths
     due, life_left = _due(history, forecast, plan.join_within_days)
@@ -80,8 +78,8 @@ def sections_report(
     cost = sum(site.cost for site in sites)
     single = one_by_one(lengths, due, prices)
     return SectionsReport(
-        line, forecast, table, _due_by_year(history, forecast, study.seed), sites, cost, single,
-        growth_by_wave(model, history, forecast, study.wavenumbers),
+        line, forecast, _table(history, forecast), _due_by_year(history, forecast, study.seed),
+        sites, cost, single, growth_by_wave(model, history, forecast, study.wavenumbers),
     )  # fmt: skip
 
 
@@ -95,24 +93,14 @@ def line_hold_out(
     InputError
         There is no ``[line]``, or its runs do not allow it.
     """
-    line, prepared = ready(study, progress, processes)
-    assert study.line is not None
-    forms = partial(growths, study.line.growth, prepared, study.scenes)
-    return line, hold_out(forms, line.history, progress)
+    line, growths = ready(study, progress, processes)
+    return line, hold_out(growths, line.history, progress)
 
 
-def growths(
-    choice: str, prepared: StepA, scenes: Sequence[Scene], history: LineHistory
-) -> tuple[SteppedGrowth, *tuple[Growth, ...]]:
-    """Forms of growth of a line: Step B and, unless the ``choice`` is "model", those by hand."""
-    by_name = {(scene.variant, scene.scenario): scene for scene in scenes}
-    model = SteppedGrowth(by_name, prepared, history)
-    return (model,) if choice == "model" else (model, *by_hand(history))
-
-
-def ready(study: Study, progress: Progress, processes: int) -> tuple[Line, StepA]:
-    """The line of ``study``, and Step A of what runs on it."""
+def ready(study: Study, progress: Progress, processes: int) -> tuple[Line, Growths]:
+    """The line of ``study``, and its forms of growth with Step A of what runs on it."""
     line = build_line(study)
+    assert study.line is not None
     names = {*zip(line.history.variant, line.history.scenario, strict=True)}
     for variant, scenario in names:  # a name that is none is told before Step A
         study.scene(variant, scenario)
@@ -126,19 +114,28 @@ def ready(study: Study, progress: Progress, processes: int) -> tuple[Line, StepA
                 "spatial_variability.profile_correlation: recorded profiles have no random numbers that "
                 "the field could share; leave it out"
             )
-    return line, step_a(scenes, progress, processes)
+    by_name = {(scene.variant, scene.scenario): scene for scene in scenes}
+    model = partial(SteppedGrowth, by_name, step_a(scenes, progress, processes))
+    others = by_hand if study.line.growth != "model" else lambda _: ()
+    return line, lambda history: (model(history), *others(history))
+
+
+def places(history: LineHistory, rows: np.ndarray) -> dict[str, object]:
+    """Columns of the sections ``rows``: where they lie, their last SD and their limit."""
+    return {
+        **({"track": history.track[rows]} if (history.track != "").any() else {}),
+        "chainage_from_m": history.chainage_from[rows],
+        "chainage_to_m": history.chainage_to[rows],
+        "sd_now_mm": history.last_sd[rows] / MM,
+        "sd_limit_mm": history.sd_limit[rows] / MM,
+    }
 
 
 def _table(history: LineHistory, forecast: LineForecast) -> pd.DataFrame:
     """One row for each section: first those beyond their limit today, then by median date."""
     rows, last = forecast.rows, history.dates[-1]
     quantiles = forecast.quantiles(LEVELS)
-    columns: dict[str, object] = {
-        **({"track": history.track[rows]} if (history.track != "").any() else {}),
-        "chainage_from_m": history.chainage_from[rows],
-        "chainage_to_m": history.chainage_to[rows],
-        "sd_now_mm": history.last_sd[rows] / MM,
-        "sd_limit_mm": history.sd_limit[rows] / MM,
+    columns = places(history, rows) | {
         "rate_mm_per_year": forecast.rate() / MM,
         "scenario": history.scenario[rows],
         "variant": history.variant[rows],
@@ -147,14 +144,11 @@ def _table(history: LineHistory, forecast: LineForecast) -> pd.DataFrame:
     for level, days in zip(LEVELS, quantiles.T, strict=True):
         columns[f"due_p{level * 100:02.0f}"] = [calendar(last, day) for day in days]
     for years in YEARS:
-        chance = forecast.probability_within(years * DAYS_PER_YEAR)
-        columns[f"probability_{years}y"] = chance
-    table = pd.DataFrame(columns)
+        columns[f"probability_{years}y"] = forecast.probability_within(years * DAYS_PER_YEAR)
     beyond = history.last_sd[rows] >= history.sd_limit[rows]
-    table["beyond_limit"] = beyond
     ratio = history.last_sd[rows] / history.sd_limit[rows]
     order = np.lexsort((-ratio, quantiles[:, 1], ~beyond))
-    table = table.iloc[order].reset_index(drop=True)
+    table = pd.DataFrame(columns | {"beyond_limit": beyond}).iloc[order].reset_index(drop=True)
     table.insert(0, "priority", np.arange(1, len(table) + 1))
     return table
 

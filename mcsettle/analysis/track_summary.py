@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mcsettle.analysis.stress_under_train import layer_weights
-from mcsettle.analysis.track_case import Run, TrackCase, track_cases
+from mcsettle.analysis.track_case import Run, TrackCase, layer_tops, track_cases
 from mcsettle.railway.track import SectionTrack, Track, rayleigh_speed
 from mcsettle.step_a.critical_speed import critical_speed_of, speed_remark
 from mcsettle.step_a.fem25d import SectionResponse
@@ -41,19 +41,15 @@ def describe(case: TrackCase) -> list[Row]:
 def _layer_rows(track: Track) -> list[Row]:
     rows: list[Row] = []
     for layer in track.layers:
-        m = layer.material
+        m, unbounded = layer.material, math.isinf(layer.height)
         rows += [
-            (f"{layer.name}: height", *_height(layer.height)),
+            (f"{layer.name}: height", *(("unbounded", "") if unbounded else (layer.height, "m"))),
             (f"{layer.name}: Young's modulus", m.youngs_modulus / MPA, "MPa"),
             (f"{layer.name}: shear wave speed", m.shear_wave_speed / KMH, "km/h"),
         ]
         if isinstance(track, SectionTrack) and layer.width is None:
             rows.append((f"{layer.name}: Rayleigh wave speed", rayleigh_speed(m) / KMH, "km/h"))
     return rows
-
-
-def _height(height: float) -> tuple[float | str, str]:
-    return ("unbounded", "") if math.isinf(height) else (height, "m")
 
 
 def _response_rows(response: TrackResponse) -> list[Row]:
@@ -121,12 +117,10 @@ def _run_rows(run: Run, track: Track) -> list[Row]:
         rows.append((f"{name}: dynamic force per mm of amplitude", per_mm, "kN"))
         compliance = abs(transfer.track_compliance[k]) * GIGA
         rows.append((f"{name}: track compliance", compliance, "m/GN"))
-    z = sum(layer.height for layer in track.layers if layer.width is not None)
-    for index, layer in enumerate(track.layers):
+    for index, (layer, z) in enumerate(layer_tops(track)):
         if np.any(transfer.grid.layer == index):
             weights = layer_weights(transfer.grid, index, z)
             sigma = deviatoric_stress(*(transfer.quasi_static[axle] @ weights))
-            name = f"{head}: {layer.name}, quasi-static deviatoric stress at its top"
+            name = f"{head}: {layer}, quasi-static deviatoric stress at its top"
             rows.append((name, float(sigma) / KPA, "kPa"))
-        z -= layer.height
     return [(name, value if isinstance(value, str) else float(value), u) for name, value, u in rows]

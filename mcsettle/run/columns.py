@@ -1,4 +1,4 @@
-"""Columns of the result tables from what the engine returned."""
+"""Columns of the result tables from what the engine returned; NaN is written as null."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -31,14 +31,14 @@ def realisation_columns(
         "parameter_set": np.full(n, member.index, np.int32),
         "realisation": np.arange(indices.start, indices.stop),
         "status": np.where(failed, "failed", np.where(reached, "reached", "censored")).tolist(),
-        "tamping_interval_days": nullable(outcome.days),
-        "censored_at_days": nullable(outcome.intervals(scene.horizon)[1]),
+        "tamping_interval_days": outcome.days,
+        "censored_at_days": outcome.intervals(scene.horizon)[1],
         "passages": outcome.passages,
         "tonnage_mgt": days_run * timetable.mass_per_day / MGT,
         "sd_initial_mm": outcome.sd_initial / MM,
         "sd_final_mm": outcome.sd_final / MM,
         "mean_settlement_mm": outcome.mean_settlement / MM,
-        "sd_growth_1y_mm": nullable(_growth_in_a_year(scene, outcome) / MM),
+        "sd_growth_1y_mm": _growth_in_a_year(scene, outcome) / MM,
         "failure": [FAILURE if f else None for f in failed],
     }
     return columns | input_columns(member, n)
@@ -87,9 +87,9 @@ def effect_columns(
         "parameter_set": np.full(n, member.index, np.int32),
         "realisation": np.arange(indices.start, indices.stop),
         "status": effects.status.tolist(),
-        "reduction_percent": nullable(effects.reduction_percent),
-        "elasticity": nullable(effects.elasticity),
-        "marginal_cost": nullable(effects.marginal_cost),
+        "reduction_percent": effects.reduction_percent,
+        "elasticity": effects.elasticity,
+        "marginal_cost": effects.marginal_cost,
         "effect": [effect.change.effect] * n,
     }
 
@@ -124,11 +124,6 @@ def weight_columns(conditionings: Sequence[Conditioning]) -> dict[str, Any]:
 def joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
     """Columns of several batches, one after the other."""
     return {key: [v for part in parts for v in part[key]] for key in parts[0]}
-
-
-def nullable(values: np.ndarray) -> list[float | None]:
-    """Values with None for NaN."""
-    return [None if np.isnan(v) else float(v) for v in values]
 
 
 def _growth_in_a_year(scene: Scene, outcome: Outcome) -> np.ndarray:

@@ -13,13 +13,13 @@ import numpy as np
 
 from mcsettle.errors import InputError
 from mcsettle.railway.scene import Scene
-from mcsettle.run.columns import joined, nullable
+from mcsettle.run.columns import joined
 from mcsettle.step_a.processes import ALONE, Together
 from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import support_of
 from mcsettle.step_b.cycle_jump import Forms
-from mcsettle.step_b.sign_split import JoinedTraffic, SignSplit, joined_traffic, sign_split
+from mcsettle.step_b.sign_split import joined_traffic, sign_split
 from mcsettle.storage import parquet, store
 from mcsettle.storage.location import Place
 from mcsettle.storage.provenance import Provenance
@@ -97,8 +97,13 @@ def _columns(
     base: Scene, other: Scene, prepared: StepA, indices: range, forms: Forms
 ) -> dict[str, Any]:
     """Rows of one scenario in one variant."""
-    traffic, scene, joint = _joined(base, other, prepared)
-    case = build_case(scene, joint)
+    of_base, of_other = ((s.variant, s.scenario) for s in (base, other))
+    traffic = joined_traffic(
+        list(zip(base.timetable.services, prepared.transfers[of_base], strict=True)),
+        list(zip(other.timetable.services, prepared.transfers[of_other], strict=True)),
+    )
+    scene = replace(other, timetable=traffic.timetable)
+    case = build_case(scene, StepA({**prepared.transfers, of_other: traffic.transfers}))
     profiles = scene.profiles.sample(indices)
     split = sign_split(case, traffic, profiles, support_of(scene, indices, profiles), forms)
     n = len(indices)
@@ -108,31 +113,13 @@ def _columns(
         "baseline": [base.scenario] * n,
         "realisation": np.arange(n) + indices.start,
         "status": ["censored" if np.isnan(v) else "paired" for v in split.reduction],
-        **_numbers(split),
+        "reduction_percent": split.reduction,
+        "reduction_by_roughening_percent": split.by_roughening,
+        "reduction_by_hardening_percent": split.by_hardening,
+        "roughening_ratio": split.roughening,
+        "break_even_ratio": split.break_even,
+        "leverage": split.leverage,
     }
-
-
-def _joined(base: Scene, other: Scene, prepared: StepA) -> tuple[JoinedTraffic, Scene, StepA]:
-    """The services of both scenes as one scene, and its Step A."""
-    of_base, of_other = ((s.variant, s.scenario) for s in (base, other))
-    traffic = joined_traffic(
-        list(zip(base.timetable.services, prepared.transfers[of_base], strict=True)),
-        list(zip(other.timetable.services, prepared.transfers[of_other], strict=True)),
-    )
-    scene = replace(other, timetable=traffic.timetable)
-    return traffic, scene, StepA({**prepared.transfers, of_other: traffic.transfers})
-
-
-def _numbers(split: SignSplit) -> dict[str, list[float | None]]:
-    names = {
-        "reduction": "reduction_percent",
-        "by_roughening": "reduction_by_roughening_percent",
-        "by_hardening": "reduction_by_hardening_percent",
-        "roughening": "roughening_ratio",
-        "break_even": "break_even_ratio",
-        "leverage": "leverage",
-    }
-    return {column: nullable(getattr(split, name)) for name, column in names.items()}
 
 
 def _is_written(at: Place, provenance: Provenance, n: int) -> bool:

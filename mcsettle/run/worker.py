@@ -30,7 +30,6 @@ from mcsettle.step_b.engine import Engine
 from mcsettle.storage.files import cache_folder
 from mcsettle.storage.location import Place, place
 from mcsettle.storage.provenance import read_json, read_provenance
-from mcsettle.storage.shard_record import read_record
 from mcsettle.study.candidates import candidates_of
 from mcsettle.study.extent import Extent, extent_of
 from mcsettle.study.parameter_sets import ParameterSet, same_step_b
@@ -58,12 +57,10 @@ class RunSpec(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A shard that is there: computed just now?, rows that failed, remarks on its scenario."""
+    """A shard that is there: whether it was computed just now, remarks on its scenario."""
 
-    number: int
     computed: bool
-    n_failed: int
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...]
 
 
 @dataclass
@@ -94,8 +91,7 @@ class WorkerState:
             if shard.member not in self.prepared:
                 self.prepared = {shard.member: self._step_a(member)}
             job.remarks.clear()  # each answer has those of its own scenario
-            prepared = self.prepared[shard.member]
-            self.engine = compute.engine_of(job, member, self.scene, prepared)
+            self.engine = compute.engine_of(job, member, self.scene, self.prepared[shard.member])
         compute.write_computed(job, member, self.scene, self.engine, shard)
 
     def _step_a(self, member: ParameterSet) -> StepA:
@@ -122,9 +118,7 @@ def work(spec: RunSpec, number: int) -> Done:
         computed = not state.job.is_whole(shard)
         if computed:
             state.make(shard)
-        record = read_record(state.job.at, shard.name, state.job.provenance)
-        n_failed = 0 if record is None else record.n_failed
-        return Done(number, computed, n_failed, tuple(dict.fromkeys(state.job.remarks)))
+        return Done(computed, tuple(dict.fromkeys(state.job.remarks)))
 
 
 def share_step_a(at: Place, central: StepA) -> None:

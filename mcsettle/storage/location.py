@@ -203,24 +203,19 @@ class Bucket(Place):
             if uri.startswith("s3://"):
                 self.patient, self.store = self.store, _impatient(self.store)
         except (ArrowException, OSError, ValueError) as error:
-            raise InputError(f"{self.shown} cannot be used: {error}") from None
-
-    @property
-    def shown(self) -> str:
-        """The URL without its secrets."""
-        return shown(self.where)
+            raise InputError(f"{self} cannot be used: {error}") from None
 
     def __str__(self) -> str:
-        return self.shown
+        return shown(self.where)
 
     def read(self, name: str, largest: int = LARGEST) -> bytes:
         """Bytes of an object."""
         with self._reached(f"{name} cannot be read"):
             info = self.store.get_file_info(f"{self.prefix}/{name}")
             if info.type.name != "File":
-                raise FileNotFoundError(2, "No such object", f"{self.shown}/{name}")
+                raise FileNotFoundError(2, "No such object", f"{self}/{name}")
             if info.size > largest:
-                raise InputError(f"'{self.shown}/{name}' has {info.size} bytes; at most {largest}")
+                raise InputError(f"'{self}/{name}' has {info.size} bytes; at most {largest}")
             with self.store.open_input_file(f"{self.prefix}/{name}") as stream:
                 data: bytes = stream.read()
         return data
@@ -277,7 +272,7 @@ class Bucket(Place):
         except (ArrowException, OSError) as error:  # the former: Azure's, without credentials
             reason = " ".join(str(error).split())[:LONGEST_REASON]
             raise InputError(
-                f"{self.shown}: {what} ({reason}); check the URL and the credentials: the same "
+                f"{self}: {what} ({reason}); check the URL and the credentials: the same "
                 "command goes on from what is there"
             ) from error
         if self.patient is not None:

@@ -42,7 +42,7 @@ def write_shard(
     indices: range,
     failure: str = "",
     units: Mapping[str, str] | None = None,
-) -> Record:
+) -> None:
     """Write the tables of a shard and then, last, its record; ``units`` of the drawn inputs.
 
     Raises
@@ -56,17 +56,14 @@ def write_shard(
         )
         for table in SHARDED
     }
-    n_failed = sum(status == "failed" for status in tables["realisations"]["status"])
-    record = Record(len(indices), n_failed, digests, failure)
     data = {
         "provenance": provenance.digest,
-        "rows": record.rows,
-        "failed": record.n_failed,
+        "rows": len(indices),
+        "failed": sum(status == "failed" for status in tables["realisations"]["status"]),
         "sha256": digests,
     } | ({"failure": failure} if failure else {})
     text = json.dumps(data, indent=2, sort_keys=True) + "\n"
     at.write(record_name(name), text.encode())
-    return record
 
 
 def record_name(name: str) -> str:

@@ -22,7 +22,7 @@ class Future:
 
     def result(self, timeout: float) -> worker.Done:
         del timeout
-        return worker.Done(0, True, 0, ("remark",))
+        return worker.Done(True, ("remark",))
 
     def release(self) -> None:
         """Nobody needs it."""

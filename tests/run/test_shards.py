@@ -21,10 +21,10 @@ from mcsettle.run import compute
 from mcsettle.run.close import gather
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
-from mcsettle.run.shards import Slice, all_shards, estimated_bytes, n_shards, parse_slice, slice_of
+from mcsettle.run.shards import Slice, all_shards, parse_slice, slice_of
 from mcsettle.run.status import survey
 from mcsettle.step_b.cycle_jump import CycleJump
-from mcsettle.storage import lock, manifest, store
+from mcsettle.storage import lock, manifest
 from mcsettle.storage.location import place
 from mcsettle.storage.shard_record import record_name
 from mcsettle.study.extent import extent_of
@@ -61,7 +61,7 @@ def test_a_slice_is_one_of_n(text):
 
 def test_shards_are_counted_before_they_are_made(study):
     extent = extent_of(study)
-    assert n_shards(extent, SIZE) == len(all_shards(extent, SIZE)) == 6
+    assert len(all_shards(extent, SIZE)) == 6
     huge = replace(extent, realisations=10_000_000)
     with pytest.raises(InputError, match="at most 5000000"):
         all_shards(huge, 1)
@@ -96,14 +96,6 @@ def test_slices_have_to_agree_on_the_size_of_the_run(study, tmp_path):
         run_study(study, tmp_path, RunOptions(realisations=4, shards=Slice(2, 6)))
     with pytest.raises(InputError, match="shard realisations 2 where this run has 3"):
         run_study(study, tmp_path, RunOptions(shards=Slice(2, 6), shard_size=3))
-
-
-def test_the_size_of_a_run_is_known_beforehand(whole):
-    """Of shards so small that they are all footer, within a fifth."""
-    tables = ("realisations", "history", ".shards")
-    size = sum(p.stat().st_size for table in tables for p in (whole / table).iterdir())
-    days = store.read(whole, "history").num_rows / (2 * N)
-    assert 0.8 < estimated_bytes(2 * N, days, 6) / size < 1.25
 
 
 # --- status and gather ----------------------------------------------------------------------------
