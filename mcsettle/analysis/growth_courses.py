@@ -118,9 +118,9 @@ class SteppedGrowth:
             per_batch = max(1, ROWS // (len(NODES) * len(COARSE)))
             for first in range(0, len(at), per_batch):
                 part = at[first : first + per_batch]
-                own = profiles[first : first + per_batch]
+                measured = profiles[first : first + per_batch]
                 support = start_support(scene, history, rows[part], start)
-                sd[part] = _advanced(engine, history, rows[part], start, own, days, support)
+                sd[part] = _advanced(engine, history, rows[part], start, measured, days, support)
         return SteppedCourses(days, sd)
 
     def carried(self, rows: np.ndarray, start: int, days: float, factors: np.ndarray) -> np.ndarray:
@@ -147,21 +147,16 @@ class SteppedGrowth:
     def _engine(self, scene: Scene, top: float, horizon: float) -> CycleJump:
         """The engine of all sections of a scene."""
         case = replace(build_case(scene, self.prepared), sd_limit=top, horizon=horizon)
-        known = self.forms.setdefault((scene.variant, scene.scenario), {})
-        return CycleJump(case, tolerance=TOLERANCE, forms=known)
+        forms = self.forms.setdefault((scene.variant, scene.scenario), {})
+        return CycleJump(case, tolerance=TOLERANCE, forms=forms)
 
 
 def start_profiles(scene: Scene, history: LineHistory, rows: np.ndarray, start: int) -> np.ndarray:
     """Amplitudes complex [P, K] m at run ``start``: as measured, else random of the spectrum."""
-    measured = history.amplitudes[rows, start]
-    unknown = np.isnan(measured).any(axis=1)
-    if not unknown.any():
-        return measured
-    drawn = np.concatenate(
-        [scene.profiles.sample(range(int(row), int(row) + 1)) for row in rows[unknown]]
-    )
-    profiles = np.where(unknown[:, None], 0.0, measured)
-    profiles[unknown] = drawn
+    profiles = history.amplitudes[rows, start]  # a copy
+    for place in np.flatnonzero(np.isnan(profiles).any(axis=1)):
+        row = int(rows[place])
+        (profiles[place],) = scene.profiles.sample(range(row, row + 1))
     return profiles
 
 
@@ -184,9 +179,11 @@ def start_support(
     for place, row in enumerate(rows):
         sd, tamped = history.sd[row, [start]], int(history.spans[row, start])
         to_come = None if address is None else (tamped, [address[place]])
-        own = scene.support.sample(scene.profiles.seed, [int(row)], sd, tamped + gone, to_come)[0]
-        assert own is not None
-        fields.append(own)
+        of_row = scene.support.sample(scene.profiles.seed, [int(row)], sd, tamped + gone, to_come)[
+            0
+        ]
+        assert of_row is not None
+        fields.append(of_row)
     return Support(np.concatenate(fields))
 
 

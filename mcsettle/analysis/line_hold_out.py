@@ -102,5 +102,5 @@ def _baselines(history: LineHistory, rows: np.ndarray, day: float) -> tuple[np.n
         if len(x) > 1:
             slopes[place] = np.polyfit(x, y, 1)[0]
     mean = float(np.nanmean(slopes)) if np.isfinite(slopes).any() else 0.0
-    own = np.where(np.isnan(slopes), mean, slopes)
-    return last + own * since, last + mean * since
+    rates = np.where(np.isnan(slopes), mean, slopes)
+    return last + rates * since, last + mean * since

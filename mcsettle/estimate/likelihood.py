@@ -55,11 +55,11 @@ class Likelihood:
                 yield Median(observation, *parts)
                 continue
             drawn = (np.repeat(np.arange(days.shape[1]), row.astype(int)) for row in counts)
-            found = [Median.of(observation, days[:, own]) for own in drawn]
+            medians = [Median.of(observation, days[:, tracks]) for tracks in drawn]
             yield Median(
                 observation,
-                np.stack([m.middle for m in found]),
-                np.stack([m.variance for m in found]),
+                np.stack([m.middle for m in medians]),
+                np.stack([m.variance for m in medians]),
             )
 
     def weights(self) -> SetWeights:
@@ -117,8 +117,8 @@ def log_mean(logs: np.ndarray, counts: np.ndarray) -> np.ndarray:
     shift = np.where(np.isfinite(highest), highest, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         total = counts @ np.exp(filled - shift[:, None]).T
-        found = shift + np.log(total / (counts @ known.T.astype(float)))
-    return np.where(total > 0.0, found, -np.inf)
+        means = shift + np.log(total / (counts @ known.T.astype(float)))
+    return np.where(total > 0.0, means, -np.inf)
 
 
 def relative_weights(logs: np.ndarray) -> np.ndarray:
@@ -171,8 +171,8 @@ class Median:
         observed = self.observation.value
         with np.errstate(invalid="ignore"):
             square = (middle - np.log(observed)) ** 2 / variance
-            found = -0.5 * (square + np.log(variance / _relative_square(self.observation)))
-        return np.where(np.isfinite(middle), found, -np.inf)
+            logs = -0.5 * (square + np.log(variance / _relative_square(self.observation)))
+        return np.where(np.isfinite(middle), logs, -np.inf)
 
 
 def _relative_square(observation: Observation) -> float:

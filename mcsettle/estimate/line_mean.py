@@ -38,7 +38,7 @@ class LineMean:
         """``line_mean`` at each level; without one it is the mean over all such lines."""
         subject = f"{self.length_km:g} km"
         levels = zip((*LEVELS, None), (*self.quantiles, self.mean), strict=True)
-        return [Statistic("line_mean", level, found, subject) for level, found in levels]
+        return [Statistic("line_mean", level, mean, subject) for level, mean in levels]
 
 
 def line_means(

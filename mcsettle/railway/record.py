@@ -6,10 +6,8 @@ like a good track. Nothing is repaired in silence: ``record_findings`` names wha
 be, and repairs those kinds that it is told to.
 """
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -78,9 +76,3 @@ def chosen_run(runs: Sequence[Run], name: str | None) -> Run:
         names = ", ".join(list(named)[:10]) or "none has a name"
         raise InputError(f"the record has no run '{name}'; its runs: {names}")
     return named[name]
-
-
-def file_digest(path: Path) -> str:
-    """SHA-256 [hex] of a file's bytes."""
-    with path.open("rb") as source:
-        return hashlib.file_digest(source, "sha256").hexdigest()

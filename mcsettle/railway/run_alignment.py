@@ -114,16 +114,6 @@ def aligned(
     )  # fmt: skip
 
 
-def increment(
-    reference: Run, later: Run, band: Band | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Chainage and growth [N] m of the band-passed level from ``reference`` to an aligned run."""
-    band = band or Band()
-    one, two = _passed(reference, band), _passed(later, band)
-    x, first, second = _common(one, two)
-    return x, second - first
-
-
 def repeat_error(sds: np.ndarray) -> RepeatError:
     """Relative standard error of an SD from repeats: pooled scatter of their logarithms by section.
 

@@ -239,10 +239,10 @@ class Bucket(Place):
 
         root = f"{self.prefix}/{below}".rstrip("/")
         with self._reached("cannot be listed"):
-            found: list[Any] = self.store.get_file_info(
+            infos: list[Any] = self.store.get_file_info(
                 fs.FileSelector(root, recursive=True, allow_not_found=True)
             )
-        files = (info.path[len(self.prefix) :].strip("/") for info in found if info.is_file)
+        files = (info.path[len(self.prefix) :].strip("/") for info in infos if info.is_file)
         return sorted(files)
 
     def entries(self) -> list[str]:

@@ -13,21 +13,19 @@ from mcsettle.study.schema.variants import VariantTable
 from mcsettle.units import MM
 
 
-def build_rail_loads(table: TrackTable, variant: VariantTable | None = None) -> RailLoads:
+def build_rail_loads(table: TrackTable, variant: VariantTable) -> RailLoads:
     """What of bending and load presses on the rails of ``variant``."""
-    share, load = table.rail_bending_share, table.load_per_rail
-    if variant is not None:
-        share = share if variant.rail_bending_share is None else variant.rail_bending_share
-        load = variant.load_per_rail or load
-    return RailLoads(share or 0.0, load == "whole")
+    share = variant.rail_bending_share
+    share = table.rail_bending_share if share is None else share
+    return RailLoads(share or 0.0, (variant.load_per_rail or table.load_per_rail) == "whole")
 
 
 def variability_table(
-    table: SpatialVariabilityTable | None, variant: VariantTable | None
+    table: SpatialVariabilityTable | None, variant: VariantTable
 ) -> SpatialVariabilityTable | None:
     """The table that holds for ``variant``: its own keys over the study's."""
-    own = None if variant is None else variant.spatial_variability
-    return table if own is None else own.over(table)
+    keys = variant.spatial_variability
+    return table if keys is None else keys.over(table)
 
 
 def build_variability(

@@ -12,7 +12,7 @@ from mcsettle.errors import InputError
 from mcsettle.railway.ground_profiles import Ground, merging_remark, slabs
 from mcsettle.railway.irregularity import wavenumbers
 from mcsettle.railway.measured_profiles import Record, prepared
-from mcsettle.railway.record import file_digest
+from mcsettle.storage.files import sha256
 from mcsettle.study.build import build_grounds, build_record
 from mcsettle.study.faults import Fault
 from mcsettle.study.schema.grounds import GroundsTable
@@ -70,7 +70,7 @@ def digest_of(path: Path, expected: str | None, missing: bool = True) -> str:
 @lru_cache(maxsize=64)
 def _digest(path: Path, size: int, modified: int) -> str:
     del size, modified  # they tell a changed file from the one that is known
-    return file_digest(path)
+    return sha256(path)
 
 
 def profile_with_digest(profile: ProfileTable, locate: Locate) -> tuple[ProfileTable, list[Fault]]:

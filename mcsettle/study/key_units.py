@@ -1,7 +1,6 @@
 """Units of the inputs, from the schema of the study file: the name of a key is no unit."""
 
 from collections.abc import Iterator
-from functools import cache
 from typing import Any
 
 from mcsettle.storage.tables import in_currency, input_column
@@ -27,17 +26,11 @@ def unit_at(data: Any, path: str) -> str:
     >>> unit_at({"rail": {"damping_ns_per_m": 1.0, "poisson": 0.3}}, "rail.poisson")
     '1'
     """
-    nodes = [json_schema_of_studies()]
+    nodes = [json_schema()]
     for step in steps_to(data, path) or ():
         nodes = [node for above in nodes for node in _below(above, step)]
     units = (node["unit"] for above in nodes for node in _readings(above) if "unit" in node)
     return in_currency(next(units, "1"), data.get("economics", {}).get("currency", ""))
-
-
-@cache
-def json_schema_of_studies() -> dict[str, Any]:
-    """``json_schema``, made once."""
-    return json_schema()
 
 
 def _below(node: dict[str, Any], step: str | int) -> Iterator[dict[str, Any]]:
@@ -56,7 +49,7 @@ def _readings(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
     yield node
     if "$ref" in node:
         name = str(node["$ref"]).rpartition("/")[2]
-        yield from _readings(json_schema_of_studies()["$defs"][name])
+        yield from _readings(json_schema()["$defs"][name])
     for key in ("anyOf", "oneOf", "allOf"):
         for one in node.get(key, ()):
             yield from _readings(one)

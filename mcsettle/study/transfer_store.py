@@ -10,7 +10,7 @@ ELASTIC = {"youngs_modulus_pa", "poisson", "density_kg_per_m3", "damping"}
 def transfer_store(study: Study) -> TransferStore:
     """An empty store for the parameter sets of ``study``."""
     loads = {name: train.cars[0].axle_load for name, train in study.trains.items()}
-    inputs = [path for entry in study.uncertain for path in (entry.input, *entry.also)]
+    inputs = [path for entry in study.uncertain for path in entry.paths]
     many = study.grounds_table is not None or any(
         path.startswith("track.") and path.rsplit(".", 1)[-1] in ELASTIC for path in inputs
     )

@@ -13,7 +13,7 @@ if need be.
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -62,85 +62,68 @@ class Level:
     order: float | None = None
 
 
-def _mesh(**keys: Any) -> Numerics:
-    return Numerics(mesh=replace(MeshSettings(), **keys))
+def _mesh(key: str) -> Callable[[float], Numerics]:
+    return lambda value: Numerics(mesh=replace(MeshSettings(), **{key: value}))
 
 
-def _border(**keys: Any) -> Numerics:
-    return _mesh(border=replace(Border(), **keys))
+def _border(key: str) -> Callable[[float], Numerics]:
+    return lambda value: Numerics(mesh=MeshSettings(border=replace(Border(), **{key: value})))
 
 
-# The last level of each is the finest; (text, size for an order or None, numerics).
-CHOICES: dict[str, tuple[tuple[str, float | None, Numerics], ...]] = {
-    "element size near the track [m]": tuple(
-        (f"{h:g}", h, _mesh(size=h)) for h in (0.3, 0.21, 0.15, 0.105, 0.075)
+def _settings(key: str) -> Callable[[float], Settings]:
+    return lambda value: replace(Settings(), **{key: value})
+
+
+# What each choice is made of and its levels, the last one the finest.
+SIZE = "element size near the track [m]"
+CHOICES: dict[str, tuple[Callable[[Any], Numerics | Settings], tuple[float, ...]]] = {
+    SIZE: (_mesh("size"), (0.3, 0.21, 0.15, 0.105, 0.075)),
+    "largest element [m]": (_mesh("largest"), (1.3, 0.9, 0.6)),
+    "growth of elements": (_mesh("growth"), (1.5, 1.3, 1.15)),
+    "real mesh beside the embankment [m]": (_mesh("side"), (0.4, 0.8, 1.6)),
+    "border elements": (_border("elements"), (9, 13, 19)),
+    "border length [m]": (_border("length"), (1000.0, 4000.0, 8000.0)),
+    "border beyond, times 1/k": (_border("decays"), (8.0, 12.0, 18.0)),
+    "border angle [degrees]": (lambda a: _border("angle")(math.radians(a)), (30.0, 60.0, 45.0)),
+    "depth of the real mesh [m]": (lambda depth: Numerics(depth=depth), (5.5, 8.0, 11.0)),
+    "E_x of the sleepers over E of their concrete": (
+        _mesh("axial_ratio"),
+        (1e-3, 1e-4, 1e-5, 1e-6),
     ),
-    "largest element [m]": tuple((f"{h:g}", None, _mesh(largest=h)) for h in (1.3, 0.9, 0.6)),
-    "growth of elements": tuple((f"{g:g}", None, _mesh(growth=g)) for g in (1.5, 1.3, 1.15)),
-    "real mesh beside the embankment [m]": tuple(
-        (f"{w:g}", None, _mesh(side=w)) for w in (0.4, 0.8, 1.6)
-    ),
-    "border elements": tuple((f"{n}", None, _border(elements=n)) for n in (9, 13, 19)),
-    "border length [m]": tuple(
-        (f"{w:g}", None, _border(length=w)) for w in (1000.0, 4000.0, 8000.0)
-    ),
-    "border beyond, times 1/k": tuple(
-        (f"{n:g}", None, _border(decays=n)) for n in (8.0, 12.0, 18.0)
-    ),
-    "border angle [degrees]": tuple(
-        (f"{a:g}", None, _border(angle=math.radians(a))) for a in (30.0, 60.0, 45.0)
-    ),
-    "depth of the real mesh [m]": tuple(
-        (f"{d:g}", None, replace(Numerics(), depth=d)) for d in (5.5, 8.0, 11.0)
-    ),
-    "E_x of the sleepers over E of their concrete": tuple(
-        (f"{r:g}", None, _mesh(axial_ratio=r)) for r in (1e-3, 1e-4, 1e-5, 1e-6)
-    ),
-    "largest wavenumber [rad/m]": tuple(
-        (f"{k:g}", None, replace(Numerics(), largest=k)) for k in (4.0, 8.0, 12.0)
-    ),
-    "wavenumbers": tuple((f"{n}", None, replace(Numerics(), count=n)) for n in (16, 24, 36)),
-}
-BASES = "tolerance of the bases"
-PANELS = "quadrature panel [rad/m]"
-BASE_LEVELS: dict[str, tuple[str, tuple[float, ...]]] = {
-    PANELS: ("panel", (0.09, 0.045, 0.0225)),
-    BASES: ("tolerance", (4e-2, 1e-2, 1e-3)),
+    "largest wavenumber [rad/m]": (lambda k: Numerics(largest=k), (4.0, 8.0, 12.0)),
+    "wavenumbers": (lambda count: Numerics(count=count), (16, 24, 36)),
+    # Of the reduced bases, by the response that Step B uses.
+    "quadrature panel [rad/m]": (_settings("panel"), (0.09, 0.045, 0.0225)),
+    "tolerance of the bases": (_settings("tolerance"), (4e-2, 1e-2, 1e-3)),
 }
 
 
 def study_convergence(
-    track: SectionTrack = CASE_STUDY_TRACK,
-    choices: tuple[str, ...] | None = None,
-    progress: Progress = silent,
+    choices: tuple[str, ...] | None = None, progress: Progress = silent
 ) -> list[Level]:
-    """Levels of every choice (or those named, ``CHOICES``, ``PANELS`` and ``BASES``), in order.
+    """Levels of every choice (or those named, of ``CHOICES``) on the case study's track, in order.
 
     Raises
     ------
     ValueError
         If a name is unknown.
     """
-    every = (*CHOICES, *BASE_LEVELS)
-    wanted = every if choices is None else choices
-    unknown = sorted(set(wanted) - set(every))
+    wanted = tuple(CHOICES) if choices is None else choices
+    unknown = sorted(set(wanted) - set(CHOICES))
     if unknown:
-        raise ValueError(f"unknown choice {', '.join(unknown)}; choose from {', '.join(every)}")
-    steps = sum(len(CHOICES[n] if n in CHOICES else BASE_LEVELS[n][1]) for n in wanted)
+        raise ValueError(f"unknown choice {', '.join(unknown)}; choose from {', '.join(CHOICES)}")
+    steps = sum(len(CHOICES[name][1]) for name in wanted)
     done = itertools.count(1)
 
     def step() -> None:
         progress("Convergence", next(done), steps)
 
-    levels: list[Level] = []
-    for name in wanted:
-        levels += (_levels if name in CHOICES else _bases)(track, name, step)
-    return levels
+    return [level for name in wanted for level in _levels(name, step)]
 
 
-def _stored_answers(track: SectionTrack, numerics: Numerics) -> dict[str, complex]:
-    """``answers``, read from the cache folder or computed and stored there."""
-    plain = without_laws(track)
+def _stored_answers(numerics: Numerics) -> dict[str, complex]:
+    """``answers`` of the case study, read from the cache folder or computed and stored there."""
+    plain = without_laws(CASE_STUDY_TRACK)
     key = digest_of({"format": FORMAT, "track": asdict(plain), "numerics": asdict(numerics),
                      "answers": [SPEED, *OMEGAS]})  # fmt: skip
     path = cache_folder() / f"convergence-{key[:32]}.npz"
@@ -150,7 +133,7 @@ def _stored_answers(track: SectionTrack, numerics: Numerics) -> dict[str, comple
         lambda a: dict(zip(a["names"].tolist(), a["values"].tolist(), strict=True)),
     )
     if results is None:
-        results = answers(track, numerics)
+        results = answers(CASE_STUDY_TRACK, numerics)
         values = np.array(list(results.values()), dtype=np.complex128)
         write_arrays(path, {"names": np.array(list(results)), "values": values})
     return results
@@ -212,18 +195,19 @@ def _stresses(track: SectionTrack, depth: float, vertical: np.ndarray) -> dict[s
     return stresses
 
 
-def _levels(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator[Level]:
-    entries = CHOICES[name]
-    values = []
-    for _, _, numerics in entries:
-        values.append(_stored_answers(track, numerics))
+def _levels(name: str, step: Callable[[], None]) -> Iterator[Level]:
+    make, sizes = CHOICES[name]
+    results = []
+    for made in map(make, sizes):
+        of = _stored_answers(made) if isinstance(made, Numerics) else _of_response(made)
+        results.append(of)
         step()
-    finest = values[-1]
-    for i, (text, size, numerics) in enumerate(entries[:-1]):
+    for i, size in enumerate(sizes[:-1]):
         order = None
-        if size is not None and i + 2 < len(entries):
-            order = _order(entries[i : i + 3], [v["deflection"] for v in values[i : i + 3]])
-        yield Level(name, text, numerics == Numerics(), _changes(values[i], finest), order)
+        if name == SIZE and i + 2 < len(sizes):
+            order = _order(sizes[i : i + 3], [v["deflection"] for v in results[i : i + 3]])
+        default = make(size) in (Numerics(), Settings())
+        yield Level(name, f"{size:g}", default, _changes(results[i], results[-1]), order)
 
 
 def _changes(values: dict[str, complex], finest: dict[str, complex]) -> dict[str, float]:
@@ -234,9 +218,8 @@ def _changes(values: dict[str, complex], finest: dict[str, complex]) -> dict[str
     }
 
 
-def _order(entries: Any, values: list[complex]) -> float | None:
+def _order(sizes: Sequence[float], values: list[complex]) -> float | None:
     """Observed order from three levels, for sizes of any ratio; None if the changes do not fall."""
-    sizes = [entry[1] for entry in entries]
     first, second = abs(values[0] - values[1]), abs(values[1] - values[2])
     if not first > second > 0.0:
         return None
@@ -245,22 +228,8 @@ def _order(entries: Any, values: list[complex]) -> float | None:
     return float(orders[np.argmin(np.abs(ratio - first / second))])
 
 
-def _bases(track: SectionTrack, name: str, step: Callable[[], None]) -> Iterator[Level]:
-    """Levels of the choices of the reduced bases, by the response that Step B uses."""
-    key, numbers = BASE_LEVELS[name]
-    changed: list[dict[str, Any]] = [{key: number} for number in numbers]
-    levels = [replace(Settings(), **change) for change in changed]
-    values = []
-    for settings in levels:
-        values.append(_of_response(track, settings))
-        step()
-    for settings, results in list(zip(levels, values, strict=True))[:-1]:
-        changes = _changes(results, values[-1])
-        yield Level(name, f"{getattr(settings, key):g}", settings == Settings(), changes)
-
-
-def _of_response(track: SectionTrack, settings: Settings) -> dict[str, complex]:
-    response = section_response(track, DEPTH, settings)
+def _of_response(settings: Settings) -> dict[str, complex]:
+    response = section_response(CASE_STUDY_TRACK, DEPTH, settings)
     results: dict[str, complex] = {}
     for omega, s in zip(
         (0.0, *OMEGAS), response.spectra(SPEED, np.array([0.0, *OMEGAS])), strict=True
@@ -269,7 +238,7 @@ def _of_response(track: SectionTrack, settings: Settings) -> dict[str, complex]:
         if omega == 0.0:
             vertical = np.einsum("q,qz->z", s.weights, s.stress[:, 2]).real / (2.0 * np.pi)
             results["deflection"] = compliance.real
-            results |= _stresses(track, DEPTH, vertical)
+            results |= _stresses(CASE_STUDY_TRACK, DEPTH, vertical)
         else:
             results[f"compliance, {omega:.0f} rad/s"] = compliance
     return results

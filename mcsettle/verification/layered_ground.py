@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcsettle.railway.track import DAMPING_CONVENTIONS, Layer
+from mcsettle.railway.track import Layer
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -66,39 +66,27 @@ class PlaneWaves:
     normal: ComplexArray
 
 
-def layered_ground(
-    layers: tuple[Layer, ...], damping_convention: str = "damping_ratio"
-) -> LayeredGround:
-    """Ground of a track description, its hysteretic damping included.
+def layered_ground(layers: tuple[Layer, ...]) -> LayeredGround:
+    """Ground of a track description with its hysteretic damping, modulus × (1 + 2iξ sgn ω).
 
     Parameters
     ----------
     layers
         Ground layers from the surface down (``SectionTrack.ground``); the last is a half-space.
-    damping_convention
-        "damping_ratio": modulus × (1 + 2iξ sgn ω); "loss_factor": modulus × (1 + iξ sgn ω).
 
     Raises
     ------
     ValueError
-        If a layer has a width, the last one is not a half-space or the convention is unknown.
+        If a layer has a width, or the last one is not a half-space.
     """
-    if damping_convention not in DAMPING_CONVENTIONS:
-        raise ValueError(
-            f"damping_convention is '{damping_convention}'; "
-            f"choose one of {', '.join(DAMPING_CONVENTIONS)}"
-        )
     if not layers or not math.isinf(layers[-1].height):
         raise ValueError("the lowest layer of a layered ground must be a half-space")
     wide = [layer.name for layer in layers if layer.width is not None]
     if wide:
         raise ValueError(f"layers of a layered ground have no width, unlike {', '.join(wide)}")
-    factor = 2.0 if damping_convention == "damping_ratio" else 1.0
     return LayeredGround(
         np.array([layer.height for layer in layers]),
-        np.array(
-            [w.material.shear_modulus * (1.0 + 1j * factor * w.material.damping) for w in layers]
-        ),
+        np.array([w.material.shear_modulus * (1.0 + 2j * w.material.damping) for w in layers]),
         np.array([layer.material.poisson for layer in layers]),
         np.array([layer.material.density for layer in layers]),
     )
@@ -138,9 +126,9 @@ def plane_waves(ground: LayeredGround, kappa: Array, omega: float, depths: Array
             u = np.einsum("nij,nj->ni", carry[level - 1], u)
         state[level, :2] = u.T
         state[level, 2:] = np.einsum("nij,nj->in", below[level], u)
-    found = state[np.searchsorted(levels, depths)]
-    found = found.conj() if omega < 0.0 else found
-    return PlaneWaves(found[:, 0], found[:, 1], found[:, 2], found[:, 3])
+    waves = state[np.searchsorted(levels, depths)]
+    waves = waves.conj() if omega < 0.0 else waves
+    return PlaneWaves(*(waves[:, i] for i in range(4)))
 
 
 def surface_compliance(ground: LayeredGround, kappa: Array, omega: float) -> ComplexArray:

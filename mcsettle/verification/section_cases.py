@@ -21,6 +21,7 @@ from mcsettle.verification.strip import strip_compliance, strip_response
 
 WIDTH = 2.5  # m
 DEPTHS = np.array([0.06, 0.25, 0.45, 0.6, 1.0, 2.0, 3.5, 5.3])  # m
+PRODUCTION = MeshSettings()
 REAL_DEPTH = 5.5  # m, to which the mesh is real
 SPEED = 56.0  # m/s, the case studies' fastest train
 STATIC = [(k, 0.0) for k in (0.01, 0.1, 0.5, 1.0, 3.0)]
@@ -29,22 +30,14 @@ HARMONIC = [(k, w) for w in (20.0, 60.0, 160.0) for k in (0.005, 0.1, 0.5)]
 
 
 def ground_section(
-    layers: tuple[Layer, ...],
-    damping_convention: str,
-    width: float,
-    depths: np.ndarray,
-    mesh: MeshSettings | None = None,
+    layers: tuple[Layer, ...], depths: np.ndarray = DEPTHS, mesh: MeshSettings = PRODUCTION
 ) -> Section:
-    """Half section of layered ground alone, loaded on |y| < width/2 with 1 N per half.
+    """Half section of layered ground alone, loaded on |y| < ``WIDTH``/2 with 1 N per half.
 
     Parameters
     ----------
     layers
         Ground layers from the surface down, the last a half-space.
-    damping_convention
-        As in ``SectionTrack``.
-    width
-        Full width of the strip [m].
     depths
         [D] m below the surface, less than ``REAL_DEPTH``, none on an interface.
     mesh
@@ -55,8 +48,7 @@ def ground_section(
     ValueError
         If a depth lies on an interface or below the real mesh.
     """
-    mesh = MeshSettings() if mesh is None else mesh
-    near = uniform_lines([0.0, width / 2.0, width / 2.0 + 0.5], mesh.size)
+    near = uniform_lines([0.0, WIDTH / 2.0, WIDTH / 2.0 + 0.5], mesh.size)
     side = growing_lines(mesh.side, mesh.size * mesh.growth, mesh.growth, mesh.largest)
     y = with_border(np.concatenate([near, near[-1] + side[1:]]), mesh.border)
     interfaces = np.cumsum([layer.height for layer in layers[:-1]])
@@ -69,19 +61,16 @@ def ground_section(
         y,
         depth,
         0.0,
-        [_material(layer, damping_convention) for layer in layers],
+        [_material(layer) for layer in layers],
         np.tile(row, (y.middle.size, 1)),
-        (0.0, width / 2.0),
+        (0.0, WIDTH / 2.0),
         -np.asarray(depths),
         [(-upper, -lower) for upper, lower in zip(breaks, breaks[1:], strict=False)],
     )
 
 
 def section_and_exact(
-    section: Section,
-    layers: tuple[Layer, ...],
-    damping_convention: str,
-    points: list[tuple[float, float]],
+    section: Section, layers: tuple[Layer, ...], points: list[tuple[float, float]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean displacement and stresses, per N/m on the complete strip, by the section and exactly.
 
@@ -89,7 +78,7 @@ def section_and_exact(
     -------
     Two arrays [points, 1 + 4 D] for (k, ω) in ``points``, on the strip and depths of this module.
     """
-    ground = layered_ground(layers, damping_convention)
+    ground = layered_ground(layers)
     obtained, exact = [], []
     for k, omega in points:
         obtained.append(outputs(section, k, solve(section, k, omega)) / 2.0)
@@ -108,15 +97,13 @@ def _graded(breaks: list[float], mesh: MeshSettings) -> np.ndarray:
     return position
 
 
-def _material(layer: Layer, convention: str) -> Ground:
+def _material(layer: Layer) -> Ground:
     m = layer.material
-    modulus = damped(m.youngs_modulus, m.damping, convention)
+    modulus = damped(m.youngs_modulus, m.damping, "damping_ratio")
     return Ground(isotropic_stiffness(modulus, m.poisson), m.density)
 
 
-@cache
-def _section(layers: tuple[Layer, ...]) -> Section:
-    return ground_section(layers, "damping_ratio", WIDTH, DEPTHS)
+_section = cache(ground_section)
 
 
 def _compare(
@@ -125,7 +112,7 @@ def _compare(
     """Case of the worst relative error over ``points``, of the displacement or the stresses."""
 
     def case(name: str) -> Case:
-        obtained, exact = section_and_exact(_section(layers), layers, "damping_ratio", points)
+        obtained, exact = section_and_exact(_section(layers), layers, points)
         part = slice(0, 1) if what == "displacement" else slice(1, None)
         obtained, exact = obtained[:, part], exact[:, part]
         scale = np.abs(exact).max(axis=1)

@@ -9,19 +9,19 @@ import pytest
 from mcsettle.railway.track import VALIDATION_TRACK
 from mcsettle.step_a.fem25d.pml import Border
 from mcsettle.step_a.fem25d.section import MeshSettings
-from mcsettle.verification.section_cases import DEPTHS, WIDTH, ground_section, section_and_exact
+from mcsettle.verification.section_cases import ground_section, section_and_exact
 
 LAYERS = VALIDATION_TRACK.ground
 
 
 @pytest.fixture(scope="module")
 def production():
-    return ground_section(LAYERS, "damping_ratio", WIDTH, DEPTHS)
+    return ground_section(LAYERS)
 
 
 def errors(section, points):
     """Relative errors [points, 2]: mean displacement, and stress over the largest stress."""
-    found, exact = section_and_exact(section, LAYERS, "damping_ratio", points)
+    found, exact = section_and_exact(section, LAYERS, points)
     difference = np.abs(found - exact)
     stress = difference[:, 1:].max(axis=1) / np.abs(exact[:, 1:]).max(axis=1)
     return np.stack([difference[:, 0] / np.abs(exact[:, 0]), stress], axis=1)
@@ -43,14 +43,11 @@ def test_harmonic_load(production):
 def test_a_denser_border_removes_most_of_the_error(production):
     point = [(0.1, 160.0)]
     sparse, dense = (
-        ground_section(
-            LAYERS, "damping_ratio", WIDTH, DEPTHS, MeshSettings(0.1, border=Border(elements=n))
-        )
-        for n in (13, 26)
+        ground_section(LAYERS, mesh=MeshSettings(0.1, border=Border(elements=n))) for n in (13, 26)
     )
     assert np.all(errors(dense, point) < 0.5 * errors(sparse, point))
 
 
 def test_depths_must_not_lie_on_an_interface():
     with pytest.raises(ValueError, match="must lie between"):
-        ground_section(LAYERS, "damping_ratio", WIDTH, np.array([0.5]))
+        ground_section(LAYERS, np.array([0.5]))

@@ -151,12 +151,6 @@ def test_a_depth_that_rounding_keeps_from_an_interface():
     assert layer_of(GROUND, depths).tolist() == [1, 1, 1]
 
 
-def test_damping_conventions():
-    ratio, loss = (layered_ground((LEAN_CLAY,), c) for c in ("damping_ratio", "loss_factor"))
-    assert ratio.shear_modulus[0].imag == pytest.approx(2 * loss.shear_modulus[0].imag)
-    assert loss.shear_modulus[0].imag == pytest.approx(0.03 * CLAY.shear_modulus)
-
-
 def test_strip_is_the_half_space_of_bessel_functions():
     depths = np.array([0.1, 1.0, 5.5])
     for k in (1e-4, -0.2, 6.0):
@@ -195,8 +189,6 @@ def test_strip_refuses_what_has_no_answer():
         layered_ground(VALIDATION_TRACK.ground[:1])
     with pytest.raises(ValueError, match="no width, unlike ballast"):
         layered_ground((BALLAST, LEAN_CLAY))
-    with pytest.raises(ValueError, match="damping_convention is 'viscous'"):
-        layered_ground((LEAN_CLAY,), "viscous")
 
 
 def test_adaptive_quadrature():

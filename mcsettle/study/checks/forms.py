@@ -16,10 +16,11 @@ from mcsettle.railway.spatial_variability import (
 )
 from mcsettle.railway.spectra import spectrum
 from mcsettle.railway.track import BallastLaw, Track
-from mcsettle.study.build import SETTLEMENT_KEYS, build_track, layer_names
+from mcsettle.study.build import SETTLEMENT_KEYS, layer_names
 from mcsettle.study.build_forms import build_variability
 from mcsettle.study.build_trains import build_train
 from mcsettle.study.checks.parts import Parts
+from mcsettle.study.checks.track import valid_track
 from mcsettle.study.faults import Fault, dotted, suggestion
 from mcsettle.study.schema.profile import ProfileTable
 from mcsettle.study.schema.spatial_variability import SpatialVariabilityTable
@@ -34,10 +35,10 @@ def variability_faults(parts: Parts) -> Iterator[Fault]:
     if table is not None and not any(v.spatial_variability for v in parts.variants.values()):
         yield from _variability("spatial_variability", table, parts, None)
     for index, variant in parts.variants.items():
-        own = variant.spatial_variability
-        if own is not None:
+        keys = variant.spatial_variability
+        if keys is not None:
             path = dotted(("variants", index, "spatial_variability"))
-            yield from _variability(path, own.over(table), parts, variant)
+            yield from _variability(path, keys.over(table), parts, variant)
         elif table is not None and any(v.spatial_variability for v in parts.variants.values()):
             yield from _variability("spatial_variability", table, parts, variant)
 
@@ -95,12 +96,12 @@ def load_faults(parts: Parts) -> Iterator[Fault]:
     table = parts.track
     for index, variant in parts.variants.items():
         path = dotted(("variants", index))
-        for name, own in variant.trains.items():
+        for name, changes in variant.trains.items():
             if name not in parts.train_names:
                 said = f"is no train of this study; {suggestion(name, parts.train_names)}"
                 yield Fault(f"{path}.trains.{name}", said)
             elif name in parts.trains:
-                changed = parts.trains[name].model_copy(update=own.model_dump())
+                changed = parts.trains[name].model_copy(update=changes.model_dump())
                 try:
                     build_train(name, changed, parts.vehicles)
                 except ValueError as error:
@@ -118,25 +119,16 @@ def _settlements(parts: Parts) -> Iterator[tuple[str, dict[str, object], Track |
     assert parts.settlement is not None
     common = {key: getattr(parts.settlement, key) for key in SETTLEMENT_KEYS}
     if not parts.variants:
-        yield "settlement", common, _track(parts, None)
+        yield "settlement", common, valid_track(parts, None)
     said = False
     for index, variant in parts.variants.items():
-        own = {key: getattr(variant, key) for key in SETTLEMENT_KEYS}
-        own = {key: value for key, value in own.items() if value is not None}
-        if own.keys() & {"cycles", "long_run_cycles", "long_run_strength", *EQUIVALENCE}:
-            yield dotted(("variants", index)), common | own, _track(parts, variant)
+        stated = {key: getattr(variant, key) for key in SETTLEMENT_KEYS}
+        stated = {key: value for key, value in stated.items() if value is not None}
+        if stated.keys() & {"cycles", "long_run_cycles", "long_run_strength", *EQUIVALENCE}:
+            yield dotted(("variants", index)), common | stated, valid_track(parts, variant)
         elif not said:
             said = True
-            yield "settlement", common, _track(parts, variant)
-
-
-def _track(parts: Parts, variant: VariantTable | None) -> Track | None:
-    if parts.track is None:
-        return None
-    try:
-        return build_track(parts.track, variant)
-    except (KeyError, ValueError):  # other checks say so
-        return None
+            yield "settlement", common, valid_track(parts, variant)
 
 
 def _variability(
@@ -172,7 +164,7 @@ def _variability(
                     "a measured profile has no random numbers that the field could share; leave it out",
                 )
                 return
-    track = _track(parts, variant)
+    track = valid_track(parts, variant)
     settings = None if track is None else build_variability(table, track)
     if track is None or settings is None:
         return

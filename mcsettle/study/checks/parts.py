@@ -37,6 +37,7 @@ _MANY: Mapping[str, type[Table]] = {
     "reference": ReferenceTable,
     "effects": EffectTable,
 }
+_BY_NAME = ("trains", "vehicles")
 
 
 @dataclass(frozen=True)
@@ -68,26 +69,13 @@ class Parts:
 
 def parts_of(study: StudyTables) -> Parts:
     """The parts of a study whose tables are all valid."""
+    tables = {f.alias or key: getattr(study, key) for key, f in StudyTables.model_fields.items()}
     return Parts(
-        track=study.track_table,
-        profile=study.profile,
-        settlement=study.settlement,
-        spatial_variability=study.spatial_variability,
-        limit=study.limit,
-        economics=study.economics,
-        calibration=study.calibration,
-        run=study.run,
-        maintenance=study.maintenance,
-        grounds=study.grounds_table,
-        trains=study.train_tables,
-        vehicles=study.vehicle_tables,
+        **{name: tables[name] for name in (*_SINGLE, *_BY_NAME)},
+        **{name: dict(enumerate(tables[name])) for name in _MANY if name not in _BY_NAME},
         train_names=tuple(study.train_tables),
         scenario_names=study.scenario_names,
         variant_names=study.variant_names,
-        scenarios=dict(enumerate(study.scenarios)),
-        variants=dict(enumerate(study.variants)),
-        reference=dict(enumerate(study.reference)),
-        effects=dict(enumerate(study.effect_tables)),
         has_economics=study.economics is not None,
         has_line=study.line is not None,
     )
@@ -119,7 +107,6 @@ def valid_parts(data: Mapping[str, Any], faulty: set[tuple[Any, ...]]) -> Parts:
 def _entries(data: Mapping[str, Any], name: str) -> Mapping[Any, Any]:
     """Entries of a table or list of tables by key or index; empty where it is neither."""
     value = data.get(name)
-    by_name = name in ("trains", "vehicles")
-    if isinstance(value, Mapping):
-        return value if by_name else {}
-    return dict(enumerate(value)) if isinstance(value, tuple) and not by_name else {}
+    if name in _BY_NAME:
+        return value if isinstance(value, Mapping) else {}
+    return dict(enumerate(value)) if isinstance(value, tuple) else {}

@@ -122,11 +122,11 @@ def _buildable(path: str, table: TrackTable, variant: VariantTable | None) -> It
         yield Fault(path, str(error))
 
 
-def valid_track(parts: Parts) -> Track | None:
-    """The track of the study; None where it cannot be built."""
+def valid_track(parts: Parts, variant: VariantTable | None = None) -> Track | None:
+    """The track of the study, or of a variant; None where it cannot be built."""
     if parts.track is None:
         return None
     try:
-        return build_track(parts.track)
-    except ValueError:
+        return build_track(parts.track, variant)
+    except (KeyError, ValueError):
         return None

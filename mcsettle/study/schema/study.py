@@ -1,6 +1,7 @@
 """The study file as a whole: its tables under the file's names."""
 
 from datetime import date
+from functools import cache
 from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
@@ -88,6 +89,7 @@ class StudyTables(Table):
         return self.step_a_table is not None and self.step_a_table.surrogate
 
 
+@cache
 def json_schema() -> dict[str, Any]:
     """JSON Schema of study files, for editors that complete and check TOML."""
     schema = StudyTables.model_json_schema(by_alias=True)
