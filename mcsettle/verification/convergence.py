@@ -62,15 +62,15 @@ class Level:
     order: float | None = None
 
 
-def _mesh(key: str) -> Callable[[float], Numerics]:
+def _mesh(key: str) -> Callable[[Any], Numerics]:
     return lambda value: Numerics(mesh=replace(MeshSettings(), **{key: value}))
 
 
-def _border(key: str) -> Callable[[float], Numerics]:
+def _border(key: str) -> Callable[[Any], Numerics]:
     return lambda value: Numerics(mesh=MeshSettings(border=replace(Border(), **{key: value})))
 
 
-def _settings(key: str) -> Callable[[float], Settings]:
+def _settings(key: str) -> Callable[[Any], Settings]:
     return lambda value: replace(Settings(), **{key: value})
 
 

@@ -37,7 +37,7 @@ _MANY: Mapping[str, type[Table]] = {
     "reference": ReferenceTable,
     "effects": EffectTable,
 }
-_BY_NAME = ("trains", "vehicles")
+_BY_NAME = {"trains", "vehicles"}
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,13 @@ class Parts:
 
 def parts_of(study: StudyTables) -> Parts:
     """The parts of a study whose tables are all valid."""
-    tables = {f.alias or key: getattr(study, key) for key, f in StudyTables.model_fields.items()}
+    tables: dict[str, Any] = {
+        field.alias or key: getattr(study, key) for key, field in StudyTables.model_fields.items()
+    }
+    for name in _MANY.keys() - _BY_NAME:
+        tables[name] = dict(enumerate(tables[name]))
     return Parts(
-        **{name: tables[name] for name in (*_SINGLE, *_BY_NAME)},
-        **{name: dict(enumerate(tables[name])) for name in _MANY if name not in _BY_NAME},
+        **{name: tables[name] for name in (*_SINGLE, *_MANY)},
         train_names=tuple(study.train_tables),
         scenario_names=study.scenario_names,
         variant_names=study.variant_names,
