@@ -134,7 +134,7 @@ def test_every_effect_is_in_every_view(run: Path, tmp_path: Path) -> None:
     assert "What do a faster passenger train and one more freight train cost in tamping?" in page
     assert "(beside passenger trains at 200 km/h)" in page
     material = read_material(run)
-    sheet = {p.scenario: line_mean(p, 6500.0, 0.03) for p in pair_columns(material)}
+    sheet = {n: line_mean(p, 6500.0, 0.03) for (_, n), p in pair_columns(material).items()}
     assert set(sheet) == set(NAMES)
     for name, price in sheet.items():
         effect = material.answers.effect(name)
