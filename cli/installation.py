@@ -62,12 +62,16 @@ def _guarded(check: Callable[[], Check]) -> Check:
         return Check(name, "failed", f"{type(error).__name__}: {error}", "report this message")
 
 
+def _judged(name: str, facts: str, fine: bool, advice: str, ill: str = "failed") -> Check:
+    """What was looked at; ``ill`` and with ``advice`` where it is not fine."""
+    return Check(name, "ok", facts) if fine else Check(name, ill, facts, advice)
+
+
 def _python() -> Check:
     facts = f"{platform.python_version()} on {platform.platform()}"
-    if PYTHON_FROM <= sys.version_info[:2] < PYTHON_BELOW:
-        return Check("python", "ok", facts)
+    fine = PYTHON_FROM <= sys.version_info[:2] < PYTHON_BELOW
     span = f"{_dotted(PYTHON_FROM)} or newer, below {_dotted(PYTHON_BELOW)}"
-    return Check("python", "failed", facts, f"install mcsettle into a Python of version {span}")
+    return _judged("python", facts, fine, f"install mcsettle into a Python of version {span}")
 
 
 def _libraries() -> Check:
@@ -83,9 +87,8 @@ def _libraries() -> Check:
     if missing:
         advice = f"pip install {' '.join(missing)}"
         return Check("libraries", "failed", f"{facts}; missing: {', '.join(missing)}", advice)
-    if f"taichi {TAICHI}" not in versions:
-        return Check("libraries", "failed", facts, f"pip install taichi=={TAICHI}")
-    return Check("libraries", "ok", facts)
+    fine = f"taichi {TAICHI}" in versions
+    return _judged("libraries", facts, fine, f"pip install taichi=={TAICHI}")
 
 
 def _extras() -> Check:
@@ -112,22 +115,16 @@ def _stores() -> Check:
     missing = [scheme for scheme, name in STORES.items() if not hasattr(fs, name)]
     told = [f"{scheme}:// {'no' if scheme in missing else 'yes'}" for scheme in STORES]
     facts = f"{', '.join(told)} (pyarrow {pyarrow.__version__})"
-    if not missing:
-        return Check("object stores", "ok", facts)
     advice = "for those that are missing install another build of pyarrow, such as pip's own"
-    return Check("object stores", "note", facts, advice)
+    return _judged("object stores", facts, not missing, advice, "note")
 
 
 def _threads() -> Check:
     ours, machine = cores(), os.cpu_count() or 1
     blas = os.environ.get("OPENBLAS_NUM_THREADS", "not set")
     facts = f"{ours} of {machine} cores for this process, OPENBLAS_NUM_THREADS {blas}"
-    if blas != "1" and ours > 1:
-        advice = (
-            "set OPENBLAS_NUM_THREADS=1: the work is parallel elsewhere, more only get in the way"
-        )
-        return Check("threads", "note", facts, advice)
-    return Check("threads", "ok", facts)
+    advice = "set OPENBLAS_NUM_THREADS=1: the work is parallel elsewhere, more only get in the way"
+    return _judged("threads", facts, blas == "1" or ours <= 1, advice, "note")
 
 
 def _kernels() -> Check:
@@ -146,10 +143,8 @@ def _kernels() -> Check:
         return Check("kernels", "failed", f"{type(failure).__name__}: {failure}", advice)
     took = time.monotonic() - started
     facts = f"{backend.NAME} {runtime.version()}, one against NumPy: {error:.1e} ({took:.1f} s)"
-    if error <= PRECISION:
-        return Check("kernels", "ok", facts)
     advice = "results would be wrong: reinstall the compiler, and report the processor if that is no cure"
-    return Check("kernels", "failed", facts, advice)
+    return _judged("kernels", facts, error <= PRECISION, advice)
 
 
 def _cache() -> Check:
@@ -198,10 +193,8 @@ def _disk() -> Check:
     folder = cache_folder()
     free = shutil.disk_usage(folder).free
     facts = f"{free / GIB:.1f} GiB free at {folder}"
-    if free >= LEAST_DISK:
-        return Check("disk", "ok", facts)
     advice = "make room, or set MCSETTLE_CACHE and --out to a disk with 2 GiB to spare"
-    return Check("disk", "failed", facts, advice)
+    return _judged("disk", facts, free >= LEAST_DISK, advice)
 
 
 def _size(path: Path) -> int:

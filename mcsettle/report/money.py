@@ -6,38 +6,15 @@ from dataclasses import dataclass
 from mcsettle.estimate.rounding import number
 
 SIGNS = {
-    **{
-        "GBP": "£",
-        "EUR": "€",
-        "USD": "$",
-        "AUD": "A$",
-        "CAD": "C$",
-        "NZD": "NZ$",
-        "JPY": "¥",
-        "CNY": "CN¥",
-    },
-    **{
-        "INR": "₹",
-        "KRW": "₩",
-        "ILS": "₪",
-        "NGN": "₦",
-        "PHP": "₱",
-        "TRY": "₺",
-        "UAH": "₴",
-        "VND": "₫",
-    },
-}
+    "GBP": "£", "EUR": "€", "USD": "$", "AUD": "A$", "CAD": "C$", "NZD": "NZ$", "JPY": "¥", "CNY": "CN¥",
+    "INR": "₹", "KRW": "₩", "ILS": "₪", "NGN": "₦", "PHP": "₱", "TRY": "₺", "UAH": "₴", "VND": "₫",
+}  # fmt: skip
 HUNDREDTHS = {"GBP": "pence", **dict.fromkeys(("EUR", "USD", "AUD", "CAD", "NZD"), "cents")}
 NAMES = {
-    **{"GBP": "pounds sterling", "EUR": "euros", "USD": "US dollars", "AUD": "Australian dollars"},
-    **{
-        "CAD": "Canadian dollars",
-        "NZD": "New Zealand dollars",
-        "CHF": "Swiss francs",
-        "JPY": "yen",
-    },
-    **{"SEK": "Swedish kronor", "NOK": "Norwegian kroner", "DKK": "Danish kroner", "INR": "rupees"},
-}
+    "GBP": "pounds sterling", "EUR": "euros", "USD": "US dollars", "AUD": "Australian dollars",
+    "CAD": "Canadian dollars", "NZD": "New Zealand dollars", "CHF": "Swiss francs", "JPY": "yen",
+    "SEK": "Swedish kronor", "NOK": "Norwegian kroner", "DKK": "Danish kroner", "INR": "rupees",
+}  # fmt: skip
 MOST_DIGITS = 2  # significant digits of an amount in a sentence
 
 

@@ -73,11 +73,6 @@ def csv_text(heading: Sequence[str], rows: Iterable[Sequence[object]], end: str 
     return stream.getvalue()
 
 
-def html(text: str) -> str:
-    """``text`` without the characters that HTML does not allow, or hides; markup is escaped elsewhere."""
-    return lines(text)
-
-
 def _is_passed_over(character: str) -> bool:
     kind = unicodedata.category(character)
     return kind in ("Cc", "Cf", "Zs", "Zl", "Zp") and character not in "\t\r"

@@ -5,6 +5,7 @@ text escaped; pictures are inline SVG. The same page gives the same bytes.
 """
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from importlib.resources import files
 
@@ -115,10 +116,10 @@ def _lines(block: object) -> list[str]:
         block = tidied(block)
         rule = ["---" if i < block.n_text else "---:" for i in range(len(block.head))]
         filled = ((*row, *("",) * (len(block.head) - len(row))) for row in block.rows)
-        rows = [_row(block.head), _row(tuple(rule)), *(_row(row) for row in filled)]
+        heading, *rows = (_row(map(outgoing.markdown, row)) for row in (block.head, *filled))
         note = [outgoing.markdown(block.note), ""] if block.note else []
         title = [f"**{outgoing.markdown(block.caption)}**", ""] if block.caption else []
-        return [*title, *rows, "", *note]
+        return [*title, heading, _row(rule), *rows, "", *note]
     return []
 
 
@@ -132,16 +133,14 @@ def _as_table(bars: Bars) -> Table:
     return Table(bars.caption, head, rows, 2)
 
 
-def _row(cells: tuple[str, ...]) -> str:
-    return (
-        "| " + " | ".join(c if set(c) <= {"-", ":"} else outgoing.markdown(c) for c in cells) + " |"
-    )
+def _row(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"
 
 
 def _sound(value: object) -> object:
-    """Texts without the control characters that HTML does not allow."""
+    """Texts without the characters that HTML does not allow, or hides; markup is escaped elsewhere."""
     if isinstance(value, str) and not isinstance(value, Markup):
-        return outgoing.html(value)
+        return outgoing.lines(value)
     return value
 
 

@@ -14,7 +14,7 @@ from mcsettle.report.material import Material
 from mcsettle.step_a.transfers import StepA
 from mcsettle.step_b import engine
 from mcsettle.step_b.build_case import build_case
-from mcsettle.step_b.case import Case, support_of
+from mcsettle.step_b.case import Case, Support, support_of
 from mcsettle.units import MM
 
 TRACK = 0  # the realisation that the pictures follow
@@ -25,15 +25,11 @@ MOST_PANELS = 6
 def profiles_at_limit(material: Material, prepared: StepA) -> list[Profile]:
     """The track ``TRACK`` before traffic and when it ends, in each scenario of the answer's variant."""
     study = material.study
-    indices = range(TRACK, TRACK + 1)
-    amplitudes = study.initial_profiles(material.variant).sample(indices)
     modes = study.wavenumbers
     x = np.linspace(0.0, min(study.profile.window_m, 200.0), 801)
     profiles = []
     for scenario in study.scenario_names[:MOST_PANELS]:
-        scene = study.scene(material.variant, scenario)
-        support = support_of(scene, indices, amplitudes)
-        case = build_case(scene, prepared)
+        case, amplitudes, support = _case_of(material, scenario, prepared)
         outcome = engine.engine_for(case).run(amplitudes, np.zeros(0), support=support)
         if outcome.failed[0]:
             continue
@@ -41,6 +37,15 @@ def profiles_at_limit(material: Material, prepared: StepA) -> list[Profile]:
         initial, final = (to_space(a, modes, x)[0] / MM for a in (amplitudes, outcome.amplitudes))
         profiles.append(Profile(material.title(scenario), x, initial, final, days))
     return profiles
+
+
+def _case_of(
+    material: Material, scenario: str, prepared: StepA
+) -> tuple[Case, np.ndarray, Support]:
+    """What Step B takes of the track ``TRACK``: the case, its profile [1, K] m, its support."""
+    scene, indices = material.study.scene(material.variant, scenario), range(TRACK, TRACK + 1)
+    amplitudes = scene.profiles.sample(indices)
+    return build_case(scene, prepared), amplitudes, support_of(scene, indices, amplitudes)
 
 
 def mixed_scenario(material: Material) -> str | None:
@@ -57,15 +62,12 @@ def mixed_days(material: Material, scenario: str, prepared: StepA) -> MixedDays 
     None where passage-by-passage stepping does not exist (windows of 400 m and more) or the track is
     tamped before.
     """
-    study = material.study
-    if study.profile.window_m >= 400.0:
+    if material.study.profile.window_m >= 400.0:
         return None
     last = MIXED_FROM + MIXED_DAYS
-    scene, indices = study.scene(material.variant, scenario), range(TRACK, TRACK + 1)
-    case = replace(build_case(scene, prepared), horizon=last)
+    case, amplitudes, support = _case_of(material, scenario, prepared)
+    case = replace(case, horizon=last)
     days = np.linspace(MIXED_FROM, last, MIXED_POINTS + 1)
-    amplitudes = scene.profiles.sample(indices)
-    support = support_of(scene, indices, amplitudes)
     outcome = engine.engine_for(case, "every_axle").run(amplitudes, days, support=support)
     sd = outcome.history[0] / MM
     if outcome.failed[0] or np.isnan(sd).any():

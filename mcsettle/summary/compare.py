@@ -84,7 +84,8 @@ def compare(first: Results, second: Results) -> Comparison:
     for variant, scenario in common:
         paired = not why and _same_spectrum(first, second, variant)
         rows += _rows(first, second, variant, scenario, paired)
-    shared = 0 if why else _shared(first, second)
+    one, other = (set(results.realisations["realisation"].unique()) for results in (first, second))
+    shared = 0 if why else len(one & other)
     only = [f"{v} {s}: only in the first" for v, s in scenes if (v, s) not in others]
     only += [f"{v} {s}: only in the second" for v, s in sorted(others) if (v, s) not in scenes]
     differences = tuple(study_differences(first.study, second.study))
@@ -176,11 +177,6 @@ def _same_spectrum(first: Results, second: Results, variant: str) -> bool:
     """Whether a variant draws its tracks from one spectrum in both runs."""
     one, other = (results.study.variant(variant) for results in (first, second))
     return (one.spectrum, one.fra_class) == (other.spectrum, other.fra_class)
-
-
-def _shared(first: Results, second: Results) -> int:
-    one, other = (set(r.realisations["realisation"].unique()) for r in (first, second))
-    return len(one & other)
 
 
 def _flat(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -108,9 +108,6 @@ def _row(name: object, part: pd.DataFrame) -> SegmentRow:
     n_failed = int(part.loc[failed, "parameter_set"].nunique())
     # Over the line each segment counts alike; what was not asked for is not known either.
     probability = float(sound["weight"].sum()) / part["segment"].nunique()
-    nothing = (np.nan,) * len(LEVELS)
-    if sound.empty:
-        return SegmentRow(str(name), 0, n_failed, 0.0, nothing, nothing, np.nan, np.nan)
     weights = sound["weight"].to_numpy()
     return SegmentRow(
         str(name),

@@ -137,14 +137,8 @@ def fan_figure(fans: Sequence[Fan], limit: float) -> Figure:
     draw_fans(axes, fans, limit)
     if fans:
         per_day = fans[0].mgt_per_day
-
-        def tonnage(days: Any) -> Any:
-            return days * per_day
-
-        def days_of(tonnes: Any) -> Any:
-            return tonnes / per_day
-
-        upper = axes.secondary_xaxis("top", functions=(tonnage, days_of))
+        to_tonnage = (lambda days: days * per_day, lambda tonnage: tonnage / per_day)
+        upper = axes.secondary_xaxis("top", functions=to_tonnage)
         upper.set_xlabel(f"traffic of {short(fans[0].label, 30)} [MGT]")
         upper.spines["top"].set_visible(True)
     if paired:
@@ -281,13 +275,10 @@ def draw_fans(axes: Axes, fans: Sequence[Fan], limit: float) -> None:
 
 def _far_off(fans: Sequence[Fan], limit: float) -> bool:
     """Whether no track comes half the way from its first SD to the limit."""
-    values = [
-        np.asarray(q, dtype=float) for fan in fans for q in (fan.quantiles[2], fan.quantiles[4])
-    ]
-    finite = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.empty(0)
-    return bool(finite.size) and float(finite.max() - finite.min()) < 0.5 * (
-        limit - float(finite.min())
-    )
+    upper = [fan.quantiles[[2, 4]].ravel() for fan in fans]
+    values = np.concatenate(upper) if upper else np.empty(0)
+    values = values[np.isfinite(values)]
+    return values.size > 0 and bool(np.ptp(values) < 0.5 * (limit - values.min()))
 
 
 def draw_survival(axes: Axes, curves: Sequence[Survival]) -> None:
