@@ -47,19 +47,10 @@ def aligned(table: Table) -> Table:
 
     Missing decimals are filled with spaces as wide as a digit and as a point.
     """
-    places: dict[int, int] = {}
-    for row in table.rows:
-        for i, cell in enumerate(row[table.n_text :] if len(row) > 1 else ()):
-            places[i] = max(places.get(i, 0), _decimals(cell) or 0)
-    rows = tuple(
-        (
-            *row[: table.n_text],
-            *(_filled(cell, places[i]) for i, cell in enumerate(row[table.n_text :])),
-        )
-        if len(row) > 1
-        else row
-        for row in table.rows
-    )
+    n = table.n_text
+    numbers = [row[n:] for row in table.rows if len(row) > 1]
+    places = [max(_decimals(cell) or 0 for cell in column) for column in zip(*numbers, strict=True)]
+    rows = tuple((*row[:n], *map(_filled, row[n:], places)) for row in table.rows)
     return replace(table, rows=rows)
 
 

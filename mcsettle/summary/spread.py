@@ -103,10 +103,9 @@ def _split(
     paths, drawn = _drawn(study, members, table)
     if not paths:  # what differs between the sets is their grounds
         return
+    note = f"of the variance of the {scale}"
     for path, (index, error) in zip(paths, first_order(drawn[kept], scores), strict=True):
-        bounds = index - 1.96 * error, index + 1.96 * error
-        note = f"of the variance of the {scale}"
-        estimate = Estimate(index, *bounds, error, scores.size, n_censored, "1", note)
+        estimate = _index(index, error, scores.size, n_censored, note)
         yield Statistic("first_order_index", None, estimate, path)
     sets = [members[e] for e in sets_of(table)[kept].tolist()]
     yield from _totals(sets, paths, scores, scale, n_censored)
@@ -151,9 +150,17 @@ def _totals(
     for path, (index, error) in zip(paths, total.indices, strict=True):
         estimate = Estimate(None, None, None, None, scores.size, n_censored, "1", note)
         if total.sound:
-            bounds = max(0.0, index - 1.96 * error), index + 1.96 * error
-            estimate = Estimate(index, *bounds, error, scores.size, n_censored, "1", note)
+            estimate = _index(index, error, scores.size, n_censored, note, least=0.0)
         yield Statistic("total_index", None, estimate, path)
+
+
+def _index(
+    index: float, error: float, n: int, n_censored: int, note: str, least: float = -np.inf
+) -> Estimate:
+    """An index with its 95 % interval, which does not go below ``least``."""
+    reach = 1.96 * error
+    bounds = max(least, index - reach), index + reach
+    return Estimate(index, *bounds, error, n, n_censored, "1", note)
 
 
 def _lines(study: Study, sample: CrossedSample) -> list[Statistic]:

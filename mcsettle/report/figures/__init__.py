@@ -1,4 +1,4 @@
-"""Pictures of a track: each function takes what ``mcsettle.views`` returns and gives a Figure.
+"""Pictures of a track: each function takes numbers, or a view of its module, and gives a Figure.
 
 ``style`` is the one place for colours, fonts and the writing of files. Only these modules import
 matplotlib.

@@ -54,7 +54,7 @@ def axle_passage(
     transfer : TransferFunctions of the train at its speed
     axle : int
     amplitudes : complex [K] m, the profile
-    weights : [Z], carry stresses to the height looked at (``views.stress.layer_weights``)
+    weights : [Z], carry stresses to the height looked at (``stress_under_train.layer_weights``)
     model : SettlementModel; the cycles are those before the first passage
     window : float, m
     """

@@ -86,9 +86,9 @@ def deflection_slice(
     turned = amplitudes[kept] * np.exp(1j * kappa * (place - middle))  # U e^{iΩt}
     half = float(axles[0] - axles[-1]) / 2.0 + REACH
     x = np.linspace(-half, half, 2 * math.ceil(half / STEP) + 1)
-    loads = _loads(field, train, speed, kappa, turned, hertz_stiffness)
-    waves = np.exp(-1j * np.outer(x + middle, loads.wavenumbers))
-    static, dynamic = (waves @ loads.static).real, (waves @ loads.dynamic).real
+    k, of_static, of_dynamic, forces = _loads(field, train, speed, kappa, turned, hertz_stiffness)
+    waves = np.exp(-1j * np.outer(x + middle, k))
+    static, dynamic = (waves @ of_static).real, (waves @ of_dynamic).real
     return DeflectionSlice(
         label=f"{train.name}, {speed * 3.6:.0f} km/h",
         x=x,
@@ -99,18 +99,8 @@ def deflection_slice(
         rail_dynamic=dynamic[:, 0],
         profile=(np.exp(1j * np.outer(x + middle, kappa)) @ turned).real,
         axles=axles - middle,
-        forces=loads.forces,
+        forces=forces,
     )
-
-
-@dataclass(frozen=True)
-class _Loads:
-    """Displacement spectra under the train [Q, 1 + D] m·m of both parts; dynamic forces [J] N."""
-
-    wavenumbers: np.ndarray
-    static: np.ndarray
-    dynamic: np.ndarray
-    forces: np.ndarray
 
 
 def _loads(
@@ -120,8 +110,12 @@ def _loads(
     kappa: np.ndarray,
     turned: np.ndarray,
     hertz_stiffness: float,
-) -> _Loads:
-    """Sum over the driving frequencies: all share their wavenumbers."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Sum over the driving frequencies: all share their wavenumbers.
+
+    Wavenumbers [Q] rad/m, displacement spectra under the train [Q, 1 + D] m·m of the static and of the
+    dynamic part, dynamic forces [J] N.
+    """
     axles = train.axle_positions
     spectra = field.spectra(speed, np.concatenate([[0.0], kappa * speed]))
     first = next(spectra)
@@ -142,7 +136,7 @@ def _loads(
         acting = dynamic_forces(vehicle, track, meets, hertz_stiffness)
         forces += acting.real
         dynamic += loaded(response, acting)
-    return _Loads(k, static, dynamic, forces)
+    return k, static, dynamic, forces
 
 
 def _check(field: CentrelineField, speed: float, omegas: np.ndarray) -> None:

@@ -142,15 +142,9 @@ def page_svg(figure: Figure, name: str) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
-    text = re.sub(r"(?<=[: \"])#[0-9a-f]{6}\b", _of_page, text)
-    return re.sub(r"<[^>]*>", functools.partial(_own_ids, name), text).strip()
-
-
-def _of_page(colour: re.Match[str]) -> str:
-    """A colour of the picture as the page's own one, which differs in a dark window."""
-    return PAGE_COLOURS.get(colour[0], colour[0])
-
-
-def _own_ids(name: str, tag: re.Match[str]) -> str:
-    """A tag with ``name`` before the ids it gives and uses."""
-    return re.sub(r'((?<![\w-])id="|href="#|url\(#)', rf"\1{name}-", tag[0])
+    # A colour of the page differs in a dark window.
+    text = re.sub(
+        r"(?<=[: \"])#[0-9a-f]{6}\b", lambda colour: PAGE_COLOURS.get(colour[0], colour[0]), text
+    )
+    ids = r'((?<![\w-])id="|href="#|url\(#)'
+    return re.sub(r"<[^>]*>", lambda tag: re.sub(ids, rf"\1{name}-", tag[0]), text).strip()
