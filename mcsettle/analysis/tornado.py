@@ -8,14 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mcsettle import economics
 from mcsettle.estimate.sample import effect_quantile, interval_quantile
+from mcsettle.run.columns import Days, paired
 from mcsettle.step_a.transfers import TransferStore, step_a
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Outcome, support_of
 from mcsettle.step_b.cycle_jump import CycleJump
-from mcsettle.study.effects import StudyEffect
-from mcsettle.study.schema.economics import EconomicsTable
 from mcsettle.study.study import Study
 from mcsettle.study.transfer_store import transfer_store
 from mcsettle.summary.results import INTERVAL
@@ -94,7 +92,7 @@ def _medians(
     processes: int,
 ) -> dict[tuple[str, str], tuple[str, float | None]]:
     """(unit, median) by (scenario, metric); ``runs`` keeps what need not be repeated."""
-    days: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    days: dict[str, Days] = {}
     scenes = [scene for scene in study.scenes if scene.variant == variant]
     prepared = None
     for scene in scenes:
@@ -110,25 +108,11 @@ def _medians(
     for scenario in days:
         medians[scenario, INTERVAL] = ("d", interval_quantile(*days[scenario], 0.5).value)
         for effect in study.effects.values():
-            if effect.scenario == scenario and study.economics is not None:
-                medians |= _effects(study.economics, effect, days)
-    return medians
-
-
-def _effects(
-    prices: EconomicsTable, effect: StudyEffect, days: dict[str, tuple[np.ndarray, np.ndarray]]
-) -> dict[tuple[str, str], tuple[str, float | None]]:
-    """(unit, median) by (effect, metric); ``days`` and censorings by scenario."""
-    base, other = days[effect.baseline], days[effect.scenario]
-    effects = economics.paired_effects(
-        *(base[0], other[0], base[1], other[1]),
-        effect.change,
-        prices.tamping_cost_per_track_km,
-        prices.discount_rate,
-    )
-    medians: dict[tuple[str, str], tuple[str, float | None]] = {}
-    for metric, unit in (("reduction_percent", "%"), ("marginal_cost", effect.change.unit)):
-        values = getattr(effects, metric)[effects.status != "failed"]
-        median = effect_quantile(values, 0.5, unit).value if len(values) else None
-        medians[effect.name, metric] = (unit, median)
+            if effect.scenario != scenario:
+                continue
+            effects = paired(effect, study.economics, days[effect.baseline], days[scenario])
+            for metric, unit in (("reduction_percent", "%"), ("marginal_cost", effect.change.unit)):
+                values = getattr(effects, metric)[effects.status != "failed"]
+                median = effect_quantile(values, 0.5, unit).value if len(values) else None
+                medians[effect.name, metric] = (unit, median)
     return medians

@@ -9,7 +9,7 @@ and a layer in which no middle lies is merged into it (``merged_layers``).
 import csv
 import io
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -228,14 +228,11 @@ def _shares(path: Path, columns: Columns, faults: list[str]) -> dict[str, tuple[
 
 def _ranks(grounds: Sequence[Ground]) -> dict[str, int]:
     """Rank of each ground within its segment, the likeliest first."""
-    of_segment: dict[str, list[Ground]] = defaultdict(list)
-    for ground in grounds:
-        of_segment[ground.segment].append(ground)
-    return {
-        ground.name: rank
-        for segment in of_segment.values()
-        for rank, ground in enumerate(sorted(segment, key=lambda g: -g.probability))
-    }
+    ranks, before = {}, Counter[str]()
+    for ground in sorted(grounds, key=lambda ground: -ground.probability):
+        ranks[ground.name] = before[ground.segment]
+        before[ground.segment] += 1
+    return ranks
 
 
 def _rows(

@@ -102,7 +102,7 @@ def parquet_cells(path: Path, wanted: Mapping[str, str], most_rows: int) -> Cell
     for key, name in wanted.items():
         column = table[name]
         if key == "run_column" or pa.types.is_dictionary(column.type):
-            read.columns[name] = _texts(column)
+            read.columns[name] = column.cast(pa.string())
         elif pa.types.is_floating(column.type) or pa.types.is_integer(column.type):
             read.columns[name] = np.asarray(column.cast(pa.float64()).to_numpy(), dtype=float)
         else:
@@ -295,10 +295,3 @@ def _line_by_line(
     read.columns = {
         name: pa.array([row[i] for row in rows], pa.string()) for i, name in enumerate(places)
     }
-
-
-def _texts(column: Any) -> Any:
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    return pc.cast(column, pa.string())

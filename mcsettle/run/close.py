@@ -5,11 +5,9 @@ follow from the study.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from mcsettle import economics
 from mcsettle.errors import InputError
 from mcsettle.estimate.conditioning import Conditioning, conditioned
 from mcsettle.run import columns
@@ -34,8 +32,6 @@ from mcsettle.storage.location import Place, Where, place
 from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.storage.shard_name import ShardName
-from mcsettle.study.effects import StudyEffect
-from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.run_inputs import RunInputs, run_inputs
 from mcsettle.summary.courses import courses
 from mcsettle.summary.results import CENSORED, INTERVAL, read_results, study_of
@@ -165,34 +161,17 @@ def _write_effects(at: Place, run: RunInputs, shards: list[Shard], provenance: P
             paired = []
             for effect in effects:
                 base = _days(at, replace(shard, scenario=effect.baseline), provenance)
-                paired.append(_paired(shard, member, effect, base, days))
+                pairs = columns.paired(effect, member.study.economics, base, days)
+                rows = columns.effect_columns(member, shard.variant, shard.indices, effect, pairs)
+                paired.append(rows)
             table, ends = columns.joined(paired), (shard.first, shard.last)
             store.write(at, "effects", shard.name, table, provenance, *ends, run.currency)
 
 
-def _days(at: Place, shard: Shard, provenance: Provenance) -> tuple[np.ndarray, np.ndarray]:
+def _days(at: Place, shard: Shard, provenance: Provenance) -> columns.Days:
     """Intervals and days censored at [R] of a shard, NaN for none."""
     rows = store.read_shard(at, "realisations", shard.name, provenance).sort_by("realisation")
     return rows[INTERVAL].to_numpy(), rows[CENSORED].to_numpy()
-
-
-def _paired(
-    shard: Shard,
-    member: ParameterSet,
-    effect: StudyEffect,
-    base: tuple[np.ndarray, np.ndarray],
-    other: tuple[np.ndarray, np.ndarray],
-) -> dict[str, Any]:
-    """Columns of one effect of a shard: its days beside those of the baseline."""
-    prices = member.study.economics
-    assert prices is not None
-    effects = economics.paired_effects(
-        *(base[0], other[0], base[1], other[1]),
-        effect.change,
-        prices.tamping_cost_per_track_km,
-        prices.discount_rate,
-    )
-    return columns.effect_columns(member, shard.variant, shard.indices, effect, effects)
 
 
 def _write_summary(at: Place, run: RunInputs, provenance: Provenance) -> None:

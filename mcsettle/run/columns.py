@@ -12,9 +12,11 @@ from mcsettle.step_b.case import Outcome
 from mcsettle.storage.tables import input_column
 from mcsettle.study.effects import StudyEffect
 from mcsettle.study.parameter_sets import ParameterSet
+from mcsettle.study.schema.economics import EconomicsTable
 from mcsettle.summary.summary import SummaryRow
 from mcsettle.units import DAYS_PER_YEAR, MGT, MM
 
+Days = tuple[np.ndarray, np.ndarray]  # intervals, days censored at: [R] each, NaN for none
 FAILURE = "the profile overflowed or the step collapsed"
 
 
@@ -92,6 +94,15 @@ def effect_columns(
         "marginal_cost": effects.marginal_cost,
         "effect": [effect.change.effect] * n,
     }
+
+
+def paired(
+    effect: StudyEffect, prices: EconomicsTable | None, base: Days, days: Days
+) -> economics.Effects:
+    """``economics.paired_effects`` of the days of the baseline and of the scenario."""
+    assert prices is not None  # without them a study has no effects
+    money = prices.tamping_cost_per_track_km, prices.discount_rate
+    return economics.paired_effects(base[0], days[0], base[1], days[1], effect.change, *money)
 
 
 def parameter_columns(members: list[ParameterSet], units: Mapping[str, str]) -> dict[str, Any]:

@@ -95,7 +95,8 @@ def compute(job: Job, todo: list[Shard], central: StepA) -> None:
     """
     sets, transfers, processes = job.run.sets, job.run.transfers, job.options.processes
     first = same_step_b(sets)
-    scenes = {} if transfers is None else _scenes_of(sets, todo)
+    indices = () if transfers is None else dict.fromkeys(shard.member for shard in todo)
+    scenes = {i: sets[i].scenes for i in indices if not sets[i].failure}
     with Prefetch(scenes, transfers or TransferStore(), processes, job.progress) as prefetch:
         for index, of_set in groupby(todo, key=lambda shard: shard.member):
             member, prepared = sets[index], central
@@ -112,12 +113,6 @@ def compute(job: Job, todo: list[Shard], central: StepA) -> None:
                         job.write(shard, failed_tables(member, scene, shard, member.failure))
                 elif shards:
                     advance(job, member, scene, prepared, shards)
-
-
-def _scenes_of(sets: list[ParameterSet], todo: list[Shard]) -> dict[int, tuple[Scene, ...]]:
-    """Scenes of every parameter set that has shards to compute, by index."""
-    indices = dict.fromkeys(shard.member for shard in todo)
-    return {i: sets[i].scenes for i in indices if not sets[i].failure}
 
 
 def copied(job: Job, member: ParameterSet, first: int, shard: Shard) -> bool:

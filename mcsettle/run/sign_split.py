@@ -52,9 +52,10 @@ def write_sign_split(
     if not pairs:
         return
     prepared = prepared or step_a(scenes)
-    tasks = []
-    for variant, of_variant in groupby(pairs, key=lambda pair: pair[0].variant):
-        tasks.append((list(of_variant), prepared.of_variant(variant), range(n)))
+    tasks = [
+        (list(of_variant), prepared.of_variant(variant), range(n))
+        for variant, of_variant in groupby(pairs, key=lambda pair: pair[0].variant)
+    ]
     parts = [part for of in processes.map(_of_variant, tasks) for part in of]
     store.write(at, TABLE, NAME, joined(parts), provenance, 0, n - 1)
 

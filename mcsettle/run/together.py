@@ -36,16 +36,22 @@ def worthwhile(extent: Extent, stepping: str, todo: list[Shard], options: RunOpt
 def compute_together(job: Job, todo: list[Shard], central: StepA, processes: Together) -> None:
     """Write the shards ``todo`` of a study without parameter sets; remarks go to ``job`` in order."""
     quiet = replace(job, progress=silent, remarks=[], options=replace(job.options, threads=None))
-    tasks, done = list(_tasks(todo)), Counter[tuple[str, str]]()
-    member, arguments = job.run.sets[0], []
+    member, done = job.run.sets[0], Counter[tuple[str, str]]()
     scenes = {(scene.variant, scene.scenario): scene for scene in member.scenes}
-    for shards in tasks:
-        scene = scenes[shards[0].group[1:]]
-        prepared = central.of_variant(scene.variant)  # another scenario's train may count cycles
-        arguments.append((quiet, member, scene, prepared, shards))
+    arguments = [
+        # Of the whole variant: another scenario's train may count cycles.
+        (
+            quiet,
+            member,
+            scenes[first.group[1:]],
+            central.of_variant(first.variant),
+            [first, *others],
+        )
+        for first, *others in _tasks(todo)
+    ]
 
     def told(index: int) -> None:
-        scene, shards = arguments[index][2], tasks[index]
+        *_, scene, _, shards = arguments[index]
         pair = scene.variant, scene.scenario
         done[pair] += sum(len(shard.indices) for shard in shards)
         job.progress(f"Step B: {' '.join(pair)}", done[pair], job.run.extent.realisations)

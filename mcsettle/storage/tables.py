@@ -37,10 +37,6 @@ class TableShape:
     columns: tuple[Column, ...]
     n_keys: int
 
-    def schema(self, currency: str = "") -> pa.Schema:
-        """Arrow schema without file metadata."""
-        return pa.schema([column.field(currency) for column in self.columns])
-
     @property
     def keys(self) -> list[str]:
         """Names of the key columns."""
@@ -215,14 +211,13 @@ def schema_of(
     Only ``realisations`` has them: one for each uncertain input of the study, ``units`` by column.
     ``currency`` of the prices.
     """
-    own = TABLES[table].schema(currency)
-    if table != "realisations":
-        return own
-    drawn = [name for name in columns if name.startswith(INPUT)]
     meaning = "uncertain input of this row's parameter set (table parameters)"
-    known = units or {}
-    fields = [Column(name, NUMBER, known.get(name, "1"), meaning).field() for name in drawn]
-    return pa.schema([*own, *fields])
+    drawn = [
+        Column(name, NUMBER, (units or {}).get(name, "1"), meaning)
+        for name in columns
+        if table == "realisations" and name.startswith(INPUT)
+    ]
+    return pa.schema([column.field(currency) for column in (*TABLES[table].columns, *drawn)])
 
 
 def data_dictionary(currency: str = "") -> str:

@@ -68,14 +68,11 @@ def unit_draws(study: Study, n_sets: int | None = None) -> np.ndarray:
     return np.asarray(special.ndtr(special.ndtri(shares) @ root.T))
 
 
-def draws(study: Study, n_sets: int | None = None) -> np.ndarray:
-    """Values [E, D] of the uncertain inputs, in the order of the file."""
-    return _values(study, unit_draws(study, n_sets))
-
-
-def _values(study: Study, shares: np.ndarray) -> np.ndarray:
+def draws(study: Study, n_sets: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """``unit_draws``, and the values [E, D] of the uncertain inputs, in the order of the file."""
+    shares = unit_draws(study, n_sets)
     columns = [entry.built().quantile(shares[:, d]) for d, entry in enumerate(study.uncertain)]
-    return np.stack(columns, axis=1)
+    return shares, np.stack(columns, axis=1)
 
 
 def all_sets(study: Study) -> list[ParameterSet]:
@@ -90,8 +87,7 @@ def all_sets(study: Study) -> list[ParameterSet]:
         return ground_sets(study)
     if not study.uncertain:
         return [ParameterSet(0, {}, study)]
-    shares = unit_draws(study)
-    pairs = zip(shares, _values(study, shares), strict=True)
+    pairs = zip(*draws(study), strict=True)
     return [_parameter_set(study, e, *pair) for e, pair in enumerate(pairs)]
 
 
@@ -103,8 +99,8 @@ def first_sets(study: Study, n_sets: int) -> list[ParameterSet]:
     if study.grounds_table is not None:
         every = study.with_run(parameter_sets=len(study.grounds()))
         return [member for member in ground_sets(every) if not member.failure]
-    shares, members = unit_draws(study, n_sets), []
-    for index, pair in enumerate(zip(shares, _values(study, shares), strict=True)):
+    members = []
+    for index, pair in enumerate(zip(*draws(study, n_sets), strict=True)):
         with suppress(InputError):
             members.append(_parameter_set(study, index, *pair))
     return members
