@@ -63,8 +63,8 @@ def life_lines(lives: Sequence["Life"]) -> Iterator[str]:
 
     for life in lives:
         against = f" against {life.baseline}" if life.baseline else ""
-        n = int(life.sequence.open.sum())
-        followed = f", {n} of them followed no further (a lower bound)" if n else ""
+        n_open = int(life.sequence.open.sum())
+        followed = f", {n_open} of them followed no further (a lower bound)" if n_open else ""
         yield f"== {life.variant} {life.scenario}{against}: {len(life.cost)} realisations{followed}"
         yield f"{'':<34}{'mean ± s.e.':>20} {'P5':>10} {'P50':>10} {'P95':>10}"
         for text, values in _rows(life):

@@ -165,7 +165,7 @@ def _filled(
     spread: Iterable[Statistic] = (),
     given: Iterable[Statistic] = (),
 ) -> SummaryRow:
-    """``row`` with its statistics; ``given`` the observations they bear that name."""
+    """``row`` with its statistics, its spread, and both as they are ``given`` the observations."""
     conditioned = tuple(replace(s, statistic=f"{CONDITIONED}{s.statistic}") for s in given)
     return replace(row, statistics=tuple(statistics), spread=tuple(spread), conditioned=conditioned)
 
@@ -330,10 +330,8 @@ def _with_reference(
     if not np.any(is_known):
         return row
     below = values[is_known] < published.value
-    least, unknown = (
-        float(np.mean(is_known & (values < published.value))),
-        float(np.mean(~is_known)),
-    )
+    least = float(np.mean(is_known & (values < published.value)))
+    unknown = float(np.mean(~is_known))
     row = replace(
         row,
         reference_percent=100.0 * float(np.mean(below)),
