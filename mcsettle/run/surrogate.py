@@ -1,9 +1,9 @@
 """Which parameter sets have a predicted Step A, and what that costs in accuracy.
 
-The training grounds are parameter sets of the study: first some that are spread over all, then always the
-one that is predicted worst, until the tolerance is met. Each of them is predicted from the others, and
-days and effects are compared: that gives the error per standard deviation of the kriging, and with it
-the error of every other set. A set whose error is beyond the tolerance is computed.
+The training grounds are parameter sets of the study: first some that are spread over all, then always
+those that tell most of the others, until the tolerance is met. Each of them is predicted from the others,
+and days and effects are compared: that gives the error per standard deviation of the kriging, and with
+it the error of every other set. A set whose error is beyond the tolerance is computed.
 """
 
 from collections.abc import Sequence
@@ -26,12 +26,16 @@ from mcsettle.study.parameter_sets import ParameterSet
 ERROR = "step_a.error_percent"  # pseudo-input of a parameter set: 0 where Step A was computed
 
 
+Label = tuple[str, str, int]  # variant, scenario, place in the timetable
+
+
 class Passage(NamedTuple):
     """One service of a scene with its ground; ``ratio``: its axle load over that of its ``train``.
 
     Where an axle load only scales, ``service`` runs under that of the study.
     """
 
+    label: Label
     scene: Scene
     service: Service
     ground: Ground
@@ -42,7 +46,7 @@ class Passage(NamedTuple):
 
 def list_passages(scenes: Sequence[Scene], store: TransferStore) -> list[Passage]:
     """Every service of every scene, in their order."""
-    passages = []
+    passages: list[Passage] = []
     for scene, service, ground in passages_of(scenes, store):
         reference, ratio = service, 1.0
         if ground.softened is None:
@@ -50,9 +54,11 @@ def list_passages(scenes: Sequence[Scene], store: TransferStore) -> list[Passage
             if train is not None:
                 reference = replace(service, train=train)
                 ratio = service.train.cars[0].axle_load / train.cars[0].axle_load
+        place = passages[-1].label[2] + 1 if passages and passages[-1].scene is scene else 0
+        label = scene.variant, scene.scenario, place
         key = transfer_key(scene, reference, ground)
         description = describe(scene, reference, ground.track)
-        passages.append(Passage(scene, reference, ground, key, description, ratio))
+        passages.append(Passage(label, scene, reference, ground, key, description, ratio))
     return passages
 
 
@@ -139,12 +145,14 @@ def _with_error(member: ParameterSet, error: float) -> ParameterSet:
 class GroundPredictor:
     """Step A of parameter sets from that of the training grounds (a ``transfers.Predictor``).
 
-    ``surrogates`` by kind of passage; ``computed``: keys of the training passages; ``per_deviation``:
-    95 % error in days [%] and effects [points] per standard deviation; ``tolerance`` the most of each.
+    ``surrogates`` and ``kinds`` by place of a passage in the study; ``computed``: keys of the training
+    passages; ``per_deviation``: 95 % error in days [%] and effects [points] per standard deviation;
+    ``tolerance`` the most of each.
     """
 
     store: TransferStore
-    surrogates: dict[str, Surrogate]
+    surrogates: dict[Label, Surrogate]
+    kinds: dict[Label, str]
     computed: set[Any]
     per_deviation: Expected
     tolerance: Expected
@@ -178,10 +186,10 @@ class GroundPredictor:
         cached: dict[Any, TransferFunctions] = {}
         transfers: dict[tuple[str, str], tuple[TransferFunctions, ...]] = {}
         for passage, point in zip(passages, points, strict=True):
-            scene, service, ground, key, description, ratio = passage
+            label, scene, service, ground, key, _, ratio = passage
             if key not in cached:
-                surrogate = self.surrogates[description.kind]
                 assert point is not None
+                surrogate = self.surrogates[label]
                 cached[key] = surrogate.predict(scene, service, ground.track, point)
             transfer = cached[key]
             if ratio != 1.0:
@@ -209,12 +217,13 @@ class GroundPredictor:
 
     def _deviation(self, passage: Passage) -> tuple[np.ndarray | None, float | None]:
         """Point and standard deviation of a passage; None outside."""
-        surrogate = self.surrogates.get(passage.description.kind)
-        if surrogate is None or not surrogate.fits(passage.scene, passage.ground.track):
+        label, description = passage.label, passage.description
+        surrogate = self.surrogates.get(label)
+        if surrogate is None or self.kinds[label] != description.kind:
             return None, None
-        point = surrogate.inputs.point(passage.description.numbers)
-        if point is None:
+        point = surrogate.inputs.point(description.numbers)
+        if point is None or not surrogate.fits(passage.scene, passage.ground.track):
             return None, None
         if passage.key in self.computed:
             return point, 0.0
-        return point, float(surrogate.kriging.deviations(point[None])[0])
+        return point, float(surrogate.deviations(point[None])[0])

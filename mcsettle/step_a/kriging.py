@@ -7,8 +7,8 @@ Every output is a weighted sum of its values at the training points, with the sa
 
 K the Matérn 5/2 correlation of the points, P the terms of the trend. So a prediction is exact at the
 points and reproduces the trend's polynomials. The lengths of correlation and the degree of the trend are
-those of least error when groups of points are left out, which takes no new fit: with
-Q = K⁻¹ − K⁻¹P (PᵀK⁻¹P)⁻¹ PᵀK⁻¹ the error at a group G is (Q_GG)⁻¹ Q_G: Y (Dubrule 1983). Of the
+those of least error when each point is left out, which takes no new fit: with
+Q = K⁻¹ − K⁻¹P (PᵀK⁻¹P)⁻¹ PᵀK⁻¹ the error at point i is Q_i: Y / Q_ii (Dubrule 1983). Of the
 outputs Y only their inner products Y Yᴴ are needed.
 """
 
@@ -23,9 +23,9 @@ LENGTHS = tuple(float(length) for length in 2.0 ** np.arange(-1.0, 6.0))  # SDs 
 FIRST_LENGTH = 4.0
 SWEEPS = 3  # over the inputs, at most
 DEGREES = (0, 1, 2)
-FEWEST = 1.5  # groups of points for each term of a trend in what differs between groups
+FEWEST = 1.5  # points for each term of a trend
 SPREAD_LENGTH = 2.5  # SDs of an input
-SPREAD_NUGGET = 3e-3  # so that points side by side teach little
+SPREAD_NUGGET = 3e-3  # of the mean variance: so that points side by side teach little
 INDEPENDENT = 1e-6  # share of a trend's term that the terms before it do not explain
 
 
@@ -52,52 +52,53 @@ class Kriging:
 
     def deviations(self, at: np.ndarray) -> np.ndarray:
         """SDs [M] of the error at ``at`` [M, D], relative to that of the remainder."""
-        near = correlation(at, self.points, self.lengths)
-        unexplained = monomials(at, self.terms)
-        cross = np.einsum("mn,nt,mt->m", near, self.trend, unexplained)
+        near, unexplained = correlation(at, self.points, self.lengths), monomials(at, self.terms)
         variance = (
             1.0
             - np.einsum("mn,nl,ml->m", near, self.inverse, near)
-            - 2.0 * cross
+            - 2.0 * np.einsum("mn,nt,mt->m", near, self.trend, unexplained)
             + np.einsum("mt,ts,ms->m", unexplained, self.spread, unexplained)
         )
         return np.sqrt(np.maximum(variance, 0.0))
 
-    def left_out(self, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What is predicted at the points ``group`` [G] without them.
+    def covariance(self, at: np.ndarray) -> np.ndarray:
+        """Covariance [M, M] of the errors at ``at`` [M, D]; its diagonal is that of ``deviations``."""
+        near, unexplained = correlation(at, self.points, self.lengths), monomials(at, self.terms)
+        cross = near @ self.trend @ unexplained.T
+        both = near @ self.inverse @ near.T - unexplained @ self.spread @ unexplained.T
+        return np.asarray(correlation(at, at, self.lengths) - both - cross - cross.T)
+
+    def left_out(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is predicted at each of the points without it.
 
         Returns
         -------
-        Weights [G, N], zero at the group, and SDs [G] as ``deviations`` gives them.
+        Weights [N, N], zero on the diagonal, and SDs [N] as ``deviations`` gives them.
         """
-        own = np.linalg.inv(self.inverse[np.ix_(group, group)])
-        weights = -own @ self.inverse[group]
-        weights[:, group] = 0.0
-        return weights, np.sqrt(np.maximum(np.diag(own), 0.0))
+        own = np.diag(self.inverse)
+        weights = np.eye(len(own)) - self.inverse / own[:, None]
+        np.fill_diagonal(weights, 0.0)
+        return weights, 1.0 / np.sqrt(own)
 
 
-def fitted(points: np.ndarray, gram: np.ndarray, groups: Sequence[np.ndarray]) -> Kriging:
+def fitted(points: np.ndarray, gram: np.ndarray) -> Kriging:
     """Kriging of outputs with inner products ``gram`` [N, N] at ``points`` [N, D].
-
-    ``groups``: indices of points that are left out together where lengths and trend are compared.
 
     Raises
     ------
     ValueError
-        If there are fewer than two groups.
+        If there are fewer than two points.
     """
-    if len(groups) < 2:
-        raise ValueError(f"{len(groups)} groups of training points; at least 2 are needed")
+    if len(points) < 2:
+        raise ValueError(f"{len(points)} training points; at least 2 are needed")
     best: tuple[float, Kriging] | None = None
-    within = inputs_within(points, groups)
     for degree in DEGREES:
-        terms = independent(points, trend_terms(points.shape[1], degree, within))
-        between = [term for term in terms if not within & set(term)]
-        if degree > 0 and FEWEST * len(between) > len(groups):
+        terms = independent(points, all_terms(points.shape[1], degree))
+        if degree > 0 and FEWEST * len(terms) > len(points):
             continue
-        loss, found = _lengths_of_least_error(points, gram, groups, terms)
+        loss, kriging = _lengths_of_least_error(points, gram, terms)
         if best is None or loss < best[0]:
-            best = loss, found
+            best = loss, kriging
     assert best is not None
     return best[1]
 
@@ -116,35 +117,37 @@ def conditioned(
     return Kriging(points, lengths, terms, 0.5 * (inverse + inverse.T), trend, spread)
 
 
-def left_out_loss(kriging: Kriging, gram: np.ndarray, groups: Sequence[np.ndarray]) -> float:
-    """Mean over the groups of the norm of the error where each is left out."""
-    losses = []
-    for group in groups:
-        weights, _ = kriging.left_out(group)
-        weights[np.arange(len(group)), group] -= 1.0
-        squares = np.einsum("gn,nm,gm->g", weights, gram, weights)
-        losses.append(np.sqrt(np.maximum(squares, 0.0).mean()))
-    return float(np.mean(losses))
+def left_out_errors(kriging: Kriging, gram: np.ndarray) -> np.ndarray:
+    """Norms [N] of the errors where each point is left out; ``gram`` [N, N] as in ``fitted``."""
+    errors = kriging.left_out()[0] - np.eye(len(gram))
+    return np.sqrt(np.maximum(np.einsum("in,nm,im->i", errors, gram, errors), 0.0))
 
 
-def next_spread(points: np.ndarray, chosen: Sequence[int], n: int) -> list[int]:
-    """The ``n`` of ``points`` [P, D] that next lower the mean variance over all of them the most.
+def remainder(kriging: Kriging, gram: np.ndarray) -> float:
+    """SD of what the trend leaves, from the errors where each point is left out."""
+    return float(np.sqrt(np.mean((left_out_errors(kriging, gram) / kriging.left_out()[1]) ** 2)))
 
-    ``chosen``: those that are computed already. With one length for all inputs, so that nothing but
-    the points decides.
+
+def most_telling(covariance: np.ndarray, given: Sequence[int], n: int) -> list[int]:
+    """The ``n`` points that next lower the mean variance over all of them the most, one by one.
+
+    ``covariance`` [P, P] of what is not known of the points, before those ``given`` are.
     """
-    lengths = np.full(points.shape[1], SPREAD_LENGTH)
-    covariance = correlation(points, points, lengths)
-    order = list(chosen)
-    for place in range(len(chosen) + min(n, len(points) - len(chosen))):
-        gain = np.sum(covariance**2, axis=0) / (np.diag(covariance) + SPREAD_NUGGET)
-        gain[order] = -1.0
-        best = order[place] if place < len(chosen) else int(np.argmax(gain))
-        if place >= len(chosen):
-            order.append(best)
-        column = covariance[:, best].copy()
-        covariance -= np.outer(column, column) / (column[best] + SPREAD_NUGGET)
-    return order[len(chosen) :]
+    rest, chosen = covariance.copy(), list(given)
+    nugget = SPREAD_NUGGET * float(np.mean(np.diag(covariance)))
+    for place in range(min(len(given) + n, len(rest))):
+        variance = np.diag(rest) + nugget
+        if place >= len(given):
+            gain = np.sum(rest**2, axis=0) / variance
+            gain[chosen] = -1.0
+            chosen.append(int(np.argmax(gain)))
+        rest -= np.outer(rest[:, chosen[place]], rest[chosen[place]]) / variance[chosen[place]]
+    return chosen[len(given) :]
+
+
+def isotropic(points: np.ndarray) -> np.ndarray:
+    """Correlation [P, P] of ``points`` [P, D] before anything is learnt: one length for all inputs."""
+    return correlation(points, points, np.full(points.shape[1], SPREAD_LENGTH))
 
 
 def correlation(a: np.ndarray, b: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -170,27 +173,6 @@ def all_terms(n_inputs: int, degree: int) -> tuple[tuple[int, ...], ...]:
     )
 
 
-def trend_terms(n_inputs: int, degree: int, within: set[int]) -> tuple[tuple[int, ...], ...]:
-    """``all_terms``; a linear trend may have another slope at each value of the inputs ``within``.
-
-    Effects compare such values (speeds) within a group, where an error that they share cancels.
-
-    >>> trend_terms(2, 1, {1})
-    ((), (0,), (1,), (0, 1))
-    """
-    terms = all_terms(n_inputs, degree)
-    if degree != 1:
-        return terms
-    products = [term for term in all_terms(n_inputs, 2) if len(within & set(term)) == 1]
-    return terms + tuple(term for term in products if len(set(term)) == 2)
-
-
-def inputs_within(points: np.ndarray, groups: Sequence[np.ndarray]) -> set[int]:
-    """Inputs that differ between the points [N, D] of one group."""
-    spans = np.max([np.ptp(points[group], axis=0) for group in groups], axis=0)
-    return {int(i) for i in np.flatnonzero(spans > 0.0)}
-
-
 def monomials(at: np.ndarray, terms: tuple[tuple[int, ...], ...]) -> np.ndarray:
     """Values [M, T] of the monomials ``terms`` at ``at`` [M, D]."""
     return np.stack([np.prod(at[:, list(term)], axis=1) for term in terms], axis=1)
@@ -212,16 +194,13 @@ def independent(
 
 
 def _lengths_of_least_error(
-    points: np.ndarray,
-    gram: np.ndarray,
-    groups: Sequence[np.ndarray],
-    terms: tuple[tuple[int, ...], ...],
+    points: np.ndarray, gram: np.ndarray, terms: tuple[tuple[int, ...], ...]
 ) -> tuple[float, Kriging]:
     """Lengths from ``LENGTHS``, input by input until none improves."""
 
     def at(lengths: np.ndarray) -> tuple[float, Kriging]:
         kriging = conditioned(points, lengths, terms)
-        return left_out_loss(kriging, gram, groups), kriging
+        return float(np.mean(left_out_errors(kriging, gram))), kriging
 
     best = at(np.full(points.shape[1], FIRST_LENGTH))
     for _ in range(SWEEPS):

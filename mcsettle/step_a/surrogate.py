@@ -1,9 +1,15 @@
 """Transfer functions predicted from those of other grounds.
 
 A passage (a train at a speed on a ground) is described by numbers: layers, axle loads, suspensions,
-speed. Passages that differ in numbers alone are a family. What varies within a family, in logarithms
-where it is positive, are its inputs; its transfer functions at the training passages are combined with
-weights of ``kriging``. Geostatic stresses and depths follow from the ground itself.
+speed. The passages of one service on many grounds, alike but for numbers, are a family. What varies
+within a family, in logarithms where it is positive, are its inputs; its transfer functions on the
+training grounds are combined with weights of ``kriging``. Services of one train at several speeds have
+the same weights, so that most of the error cancels where they are compared.
+
+On soil that softens every speed has a ground of its own. A training ground is the one of the highest
+speed, under which every speed is computed; what a ground softened by the speed itself changes is smaller
+by a factor of ten to a hundred and is predicted by a second level, from fewer grounds. Geostatic stresses
+and depths follow from the ground itself.
 """
 
 import hashlib
@@ -18,12 +24,13 @@ from mcsettle.railway.scene import Scene
 from mcsettle.railway.track import Track
 from mcsettle.railway.traffic import Service, Train
 from mcsettle.step_a.depths import geostatic_stress
-from mcsettle.step_a.kriging import Kriging, conditioned, fitted
+from mcsettle.step_a.kriging import Kriging
 from mcsettle.step_a.track_response import depths_of
 from mcsettle.step_a.transfer import TransferFunctions
 
 FIELDS = ("quasi_static", "dynamic", "force", "track_compliance", "rail_deflection", "following")
 SAME = 1e-9  # relative: numbers, and correlations of inputs, that are one
+MARGIN = 1.0  # SDs of an input beyond the passages that it was learnt from
 GEOSTATIC_ONLY = ("law", "k0", "name")  # of a layer: what its transfer functions do not depend on
 
 
@@ -62,7 +69,8 @@ def describe(scene: Scene, service: Service, track: Track) -> Description:
 class Inputs:
     """What varies within a family: from numbers [L] to points [D] in standard deviations.
 
-    ``constant`` [L] are the numbers of its first passage, ``columns`` [D] which of them vary.
+    ``constant`` [L] are the numbers of its first passage, ``columns`` [D] which of them vary, from points
+    ``lowest`` to ``highest`` [D].
     """
 
     constant: np.ndarray
@@ -71,9 +79,11 @@ class Inputs:
     logarithmic: np.ndarray
     mean: np.ndarray
     deviation: np.ndarray
+    lowest: np.ndarray
+    highest: np.ndarray
 
     def point(self, numbers: np.ndarray) -> np.ndarray | None:
-        """Point [D]; None where something else differs, or a logarithm has no argument."""
+        """Point [D]; None where something else differs, or it lies outside of what was learnt from."""
         fixed = ~self.varies
         if not np.allclose(numbers[fixed], self.constant[fixed], rtol=SAME, atol=0.0):
             return None
@@ -81,7 +91,9 @@ class Inputs:
         if np.any(values[self.logarithmic] <= 0.0) or not np.all(np.isfinite(values)):
             return None
         logs = np.log(np.where(self.logarithmic, values, 1.0))
-        return (np.where(self.logarithmic, logs, values) - self.mean) / self.deviation
+        point = (np.where(self.logarithmic, logs, values) - self.mean) / self.deviation
+        outside = np.any((point < self.lowest - MARGIN) | (point > self.highest + MARGIN))
+        return None if outside else point
 
 
 def inputs_of(numbers: np.ndarray) -> Inputs:
@@ -113,53 +125,92 @@ def inputs_of(numbers: np.ndarray) -> Inputs:
         np.array(logarithmic, dtype=bool),
         np.array(means),
         np.array(deviations),
+        kept.min(axis=0),
+        kept.max(axis=0),
     )
+
+
+Arrays = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """Arrays that are combined with one set of weights: of each field real numbers [N, n].
+
+    ``sources`` [N]: digests of what they are; ``remainder``: how large what the trend leaves is, relative
+    to that of the first level.
+    """
+
+    kriging: Kriging
+    stacks: Arrays
+    sources: tuple[str, ...]
+    remainder: float = 1.0
+
+    def combined(self, weights: np.ndarray) -> Arrays:
+        """Sum of the training arrays with ``weights`` [N]."""
+        return {name: weights @ stack for name, stack in self.stacks.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """Transfer functions of one family, predicted from ``training`` at the points of ``kriging``."""
+    """Transfer functions of one family, the sum of its ``levels``.
+
+    ``like``: transfer functions of one of its passages, whose shapes all have.
+    """
 
     inputs: Inputs
-    kriging: Kriging
-    training: tuple[TransferFunctions, ...]
+    like: TransferFunctions
+    levels: tuple[Level, ...]
 
     @cached_property
     def digest(self) -> str:
         """SHA-256 [hex] of all that a prediction depends on."""
-        total = hashlib.sha256()
-        for transfer in self.training:
-            total.update(transfer.digest.encode())
-        for array in (self.kriging.points, self.kriging.lengths, self.inputs.mean):
-            total.update(np.ascontiguousarray(array).tobytes())
-        total.update(repr(self.kriging.terms).encode())
+        told = [(level.sources, level.kriging.terms) for level in self.levels]
+        total = hashlib.sha256(repr(told).encode())
+        arrays = [
+            a for k in (level.kriging for level in self.levels) for a in (k.points, k.lengths)
+        ]
+        for array in (self.inputs.mean, *arrays):
+            total.update(array.tobytes())
         return total.hexdigest()
 
     def fits(self, scene: Scene, track: Track) -> bool:
         """Whether ``track`` has as many depths in each layer as the training grounds."""
         grid = depths_of(track, scene.integration_depth)
-        return np.array_equal(grid.layer, self.training[0].grid.layer)
+        return np.array_equal(grid.layer, self.like.grid.layer)
+
+    def deviations(self, at: np.ndarray) -> np.ndarray:
+        """SDs [M] of the error at ``at`` [M, D], relative to the remainder of the first level."""
+        parts = [level.remainder * level.kriging.deviations(at) for level in self.levels]
+        return np.asarray(np.linalg.norm(parts, axis=0))
 
     def predict(
         self, scene: Scene, service: Service, track: Track, point: np.ndarray
     ) -> TransferFunctions:
         """Transfer functions at ``point`` [D]: those of ``service`` on ``track``."""
-        weights = self.kriging.weights(point[None])[0]
+        weights = [level.kriging.weights(point[None])[0] for level in self.levels]
         total = hashlib.sha256(self.digest.encode())
-        total.update(np.ascontiguousarray(point).tobytes())
+        total.update(point.tobytes())
         return self.combined(weights, scene, service, track, total.hexdigest())
 
     def combined(
-        self, weights: np.ndarray, scene: Scene, service: Service, track: Track, digest: str
+        self,
+        weights: Sequence[np.ndarray],
+        scene: Scene,
+        service: Service,
+        track: Track,
+        digest: str,
     ) -> TransferFunctions:
-        """Sum of the training transfer functions with ``weights`` [N]."""
-        grid = depths_of(track, scene.integration_depth)
-        arrays = {
-            name: (weights @ flat).view(dtype).reshape(shape)
-            for name, (flat, dtype, shape) in self._stacks.items()
-        }
+        """Sum of the training transfer functions with ``weights`` [N] of each level."""
+        grid, arrays = depths_of(track, scene.integration_depth), Arrays()
+        for level, of_level in zip(self.levels, weights, strict=True):
+            for name, values in level.combined(of_level).items():
+                arrays[name] = arrays[name] + values if name in arrays else values
+        for name, values in arrays.items():
+            present = getattr(self.like, name)
+            arrays[name] = values.view(present.dtype).reshape(present.shape)
         return replace(
-            self.training[0],
+            self.like,
             train=service.train.name,
             speed=service.speed,
             grid=grid,
@@ -168,55 +219,36 @@ class Surrogate:
             **arrays,
         )
 
-    @cached_property
-    def _stacks(self) -> dict[str, tuple[np.ndarray, Any, tuple[int, ...]]]:
-        """Of every field: real numbers [N, n] of the training passages, their type and shape."""
-        stacks = {}
-        for name in FIELDS:
-            first = getattr(self.training[0], name)
-            if first is not None:
-                flat = np.stack([np.ravel(getattr(t, name)).view(float) for t in self.training])
-                stacks[name] = flat, first.dtype, first.shape
-        return stacks
+
+def stacked(transfers: Sequence[TransferFunctions]) -> Arrays:
+    """Of every field of ``transfers`` [N] real numbers [N, n]."""
+    return {
+        name: np.stack([np.ravel(getattr(t, name)).view(float) for t in transfers])
+        for name in FIELDS
+        if getattr(transfers[0], name) is not None
+    }
 
 
-def learnt(
-    inputs: Inputs,
-    points: np.ndarray,
-    training: Sequence[TransferFunctions],
-    groups: Sequence[np.ndarray],
-) -> Surrogate:
-    """Surrogate of a family from its ``training`` passages at ``points`` [N, D].
-
-    ``groups``: indices of the passages of each ground, which are left out together.
-    """
-    return Surrogate(inputs, fitted(points, inner_products(training), groups), tuple(training))
-
-
-def relearnt(
-    inputs: Inputs,
-    points: np.ndarray,
-    training: Sequence[TransferFunctions],
-    lengths: np.ndarray,
-    terms: tuple[tuple[int, ...], ...],
-) -> Surrogate:
-    """Surrogate with lengths and trend that were found before."""
-    return Surrogate(inputs, conditioned(points, lengths, terms), tuple(training))
-
-
-def inner_products(training: Sequence[TransferFunctions]) -> np.ndarray:
+def inner_products(stacks: Arrays, of: Arrays, like: TransferFunctions) -> np.ndarray:
     """Inner products [N, N] of transfer functions: quasi-static and dynamic stress of each layer.
 
-    Each of these parts has the same weight, on average over ``training``.
+    Each of these parts has the same weight, on average over the transfer functions ``of``.
     """
-    gram = np.zeros((len(training), len(training)))
+    n = len(next(iter(stacks.values())))
+    gram = np.zeros((n, n))
     for name in ("quasi_static", "dynamic"):
-        for layer in np.unique(training[0].grid.layer):
-            here = training[0].grid.layer == layer
-            part = np.stack([np.ravel(getattr(t, name)[..., here]).view(float) for t in training])
-            products = part @ part.T
-            gram += products / max(float(np.trace(products)) / len(training), 1e-300)
+        for layer in np.unique(like.grid.layer):
+            part, whole = (_part(arrays[name], name, layer, like) for arrays in (stacks, of))
+            gram += part @ part.T / max(float(np.sum(whole**2)) / len(whole), 1e-300)
     return gram
+
+
+def _part(stack: np.ndarray, name: str, layer: int, like: TransferFunctions) -> np.ndarray:
+    """Real numbers [N, m] of one layer in a ``stack`` [N, n] of stresses."""
+    present = getattr(like, name)
+    values = stack.view(present.dtype).reshape(len(stack), *present.shape)
+    here = np.ascontiguousarray(values[..., like.grid.layer == layer])
+    return here.reshape(len(stack), -1).view(float)
 
 
 def _of_track(track: Track) -> dict[str, Any]:

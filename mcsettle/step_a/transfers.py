@@ -6,7 +6,7 @@ change of Step B or of the economics costs nothing here.
 
 import hashlib
 import math
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -108,13 +108,12 @@ def step_a(
     workers: int = 1,
     store: TransferStore | None = None,
     check_speeds: bool = False,
-    only: Container[Any] | None = None,
 ) -> StepA:
     """Transfer functions of every scene, computed once where equal, kept on disk.
 
     With a ``store`` what is in it is taken, and what was needed is put there; what its predictor answers
     for is predicted. With ``check_speeds`` trains near the critical speed of track and ground are
-    remarked on. ``only``: keys of the passages to compute, if not all (``transfer_key``).
+    remarked on.
     """
     shared, store = store is not None, store or TransferStore()
     if store.predictor is not None and store.predictor.answers(scenes):
@@ -125,17 +124,9 @@ def step_a(
     used, remarks = set[Any](), dict[str | None, None]()
     for scene, service, ground in passages_of(scenes, store, laws=not shared):
         key = transfer_key(scene, service, ground)
-        if only is not None and key not in only:
-            continue
         if key not in store.transfers:
-            if ground not in store.responses:
-                store.responses[ground] = _response(ground, progress, workers)
-            # On soil that softens the axle load decides the ground: nothing is in proportion.
-            loads = store.axle_loads if ground.softened is None else {}
-            response, modes = store.responses[ground], scene.wavenumbers
-            small = partial(_small_strain, scenes, store, ground, progress, workers)
-            store.transfers[key] = cached_transfer(
-                response, service, modes, scene.contact, progress, loads, scene.rail_loads, small
+            store.transfers[key] = transfer_on(
+                ground, scene, service, scenes, store, progress, workers
             )
         pair = scene.variant, scene.scenario
         transfers[pair] = (*transfers.get(pair, ()), store.transfers[key])
@@ -147,11 +138,30 @@ def step_a(
     return StepA(transfers, tuple(remark for remark in remarks if remark is not None))
 
 
-def into_cache(
-    scenes: Sequence[Scene], store: TransferStore, only: Container[Any] | None = None
-) -> None:
+def transfer_on(
+    ground: Ground,
+    scene: Scene,
+    service: Service,
+    scenes: Sequence[Scene],
+    store: TransferStore,
+    progress: Progress = silent,
+    workers: int = 1,
+) -> TransferFunctions:
+    """Transfer functions of a service of a scene, one of ``scenes``, on ``ground``, kept on disk."""
+    if ground not in store.responses:
+        store.responses[ground] = _response(ground, progress, workers)
+    # On soil that softens the axle load decides the ground: nothing is in proportion.
+    loads = store.axle_loads if ground.softened is None else {}
+    response, modes = store.responses[ground], scene.wavenumbers
+    small = partial(_small_strain, scenes, store, ground, progress, workers)
+    return cached_transfer(
+        response, service, modes, scene.contact, progress, loads, scene.rail_loads, small
+    )
+
+
+def into_cache(scenes: Sequence[Scene], store: TransferStore) -> None:
     """``step_a`` in another process: what it computes stays in the cache folder."""
-    step_a(scenes, store=store, only=only)
+    step_a(scenes, store=store)
 
 
 def needs(scenes: Sequence[Scene], store: TransferStore) -> set[Any]:

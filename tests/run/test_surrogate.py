@@ -9,13 +9,16 @@ from toy import LOAD, N0, SPRING, everything, table, uncertain
 
 from mcsettle.errors import NumericalError
 from mcsettle.run import left_out, train_surrogate
+from mcsettle.run import training_grounds as train_grounds
 from mcsettle.run.close import gather
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import parse_slice
 from mcsettle.run.surrogate import ERROR, list_passages, with_errors
 from mcsettle.run.train_surrogate import set_predictor
+from mcsettle.run.training_grounds import computed, training_grounds
 from mcsettle.step_a import transfer_cache
+from mcsettle.step_a.surrogate import stacked
 from mcsettle.step_a.transfers import needs, step_a
 from mcsettle.storage.location import place
 from mcsettle.storage.provenance import read_provenance
@@ -129,9 +132,10 @@ def test_a_prediction_is_exact_where_it_was_learnt(study, store):
 
 
 def test_an_axle_load_that_only_scales_is_no_input(study, store):
-    kinds = {p.description.kind for p in list_passages(study.scenes, store)}
-    (kind,) = kinds  # two speeds of one train
-    assert len(store.predictor.surrogates[kind].inputs.columns) == 3  # spring, damper, speed
+    of_speeds = store.predictor.surrogates.values()
+    for surrogate in of_speeds:
+        assert len(surrogate.inputs.columns) == 2  # spring and damper
+    assert len({surrogate.levels[0].kriging for surrogate in of_speeds}) == 1
 
 
 def test_another_process_learns_the_same(study, store, monkeypatch):
@@ -167,7 +171,7 @@ def test_what_is_outside_is_computed(study, store):
     stiffer = member.study.with_inputs({"track.support.stiffness_n_per_m2": 9e7})
     assert store.predictor.expected(stiffer.scenes) is None
     far = member.study.with_inputs({"trains.passenger.secondary_damping_ns_per_m": 4e5})
-    assert not store.predictor.answers(far.scenes)
+    assert store.predictor.expected(far.scenes) is None
 
 
 def test_the_tolerance_decides():
@@ -205,26 +209,68 @@ def test_a_ground_that_cannot_be_computed_is_not_learnt_from(monkeypatch):
         if m.index in refused
     }
 
-    def refuses(scenes, *arguments, **options):
-        if scenes[0].timetable.services[0].train.cars[0].secondary in springs:
+    def refuses(passages, *arguments):
+        if passages[0].service.train.cars[0].secondary in springs:
             raise NumericalError("the softening does not converge")
-        return step_a(scenes, *arguments, **options)
+        return computed(passages, *arguments)
 
-    monkeypatch.setattr(train_surrogate, "step_a", refuses)
+    monkeypatch.setattr(train_surrogate, "computed", refuses)
     training = set_predictor(candidates_of(narrow), transfer_store(narrow))
     assert len(training.sets) >= 2
     assert not refused & set(training.sets)
 
 
-@pytest.mark.parametrize(("soil", "complete", "grounds"), [
-    ("linear", False, [4]),
-    ("equivalent_linear", False, [1, 1]),
-    ("equivalent_linear", True, [1, 1, 1, 1]),
-])  # fmt: skip
-def test_passages_of_one_ground_are_computed_together(root, soil, complete, grounds):
+def test_nothing_is_learnt_from_too_few_grounds(monkeypatch):
+    def refuses(passages, *arguments):
+        raise NumericalError("the softening does not converge")
+
+    monkeypatch.setattr(train_surrogate, "computed", refuses)
+    narrow = with_surrogate(SPRING, DAMPING)
+    store = transfer_store(narrow)
+    assert set_predictor(candidates_of(narrow), store) is None
+    assert store.predictor is None
+
+
+def passages_on(root, soil):
     data = tomllib.loads((root / "studies" / "linespeed_ground.toml").read_text(encoding="utf-8"))
     data["track"]["soil"] = soil
     study = Study.from_mapping(data)
-    passages = list_passages(study.scenes, transfer_store(study))
-    found = train_surrogate._by_ground(passages, complete)
-    assert [len(keys) for keys in found] == grounds
+    return list_passages(study.scenes, transfer_store(study))
+
+
+@pytest.mark.parametrize(("soil", "both", "speeds"), [
+    ("linear", False, [None]),
+    ("linear", True, [None]),
+    ("equivalent_linear", False, [225]),
+    ("equivalent_linear", True, [225, 201]),
+])  # fmt: skip
+def test_a_training_ground_has_all_speeds(root, soil, both, speeds):
+    grounds = training_grounds(passages_on(root, soil), both)
+    softened = [g.ground.softened and round(3.6 * g.ground.softened.speed) for g in grounds]
+    assert softened == speeds
+    assert len({g.ground.settings for g in grounds}) == 1
+    for ground in grounds:
+        assert [round(3.6 * p.service.speed) for p in ground.passages] == [201, 209, 217, 225]
+
+
+def test_what_softening_changes_is_linear_in_the_speed(root, study, store, monkeypatch):
+    like = step_a(study.scenes, store=store).transfers["base", "v201"][0]
+
+    def on_ground(ground, scene, service, scenes, store):
+        size = service.speed**2 + 3.0 * ground.softened.speed
+        return replace(like, **{name: size * getattr(like, name) for name in ("force", "dynamic")})
+
+    monkeypatch.setattr(train_grounds, "transfer_on", on_ground)
+    passages = passages_on(root, "equivalent_linear")
+    learnt = train_grounds.computed(passages, True, store)
+    fastest = max(passages, key=lambda p: p.service.speed)
+    assert learnt.own == {fastest.key}
+    for p in passages:
+        exact = on_ground(p.ground, p.scene, p.service, (), store)
+        found = stacked([learnt.transfers[p.key]])
+        for name, change in learnt.softening.get(p.key, {}).items():
+            found[name] = found[name] + change
+        assert (p.key in learnt.softening) == (p is not fastest)
+        for name, expected in stacked([exact]).items():
+            assert np.allclose(found[name], expected, rtol=1e-12)
+    assert not train_grounds.computed(passages, False, store).softening

@@ -8,17 +8,17 @@ from mcsettle.step_a.kriging import (
     conditioned,
     fitted,
     independent,
-    inputs_within,
-    left_out_loss,
+    isotropic,
+    left_out_errors,
     monomials,
-    next_spread,
+    most_telling,
+    remainder,
 )
 
 RNG = np.random.default_rng(3)
 POINTS = RNG.normal(size=(18, 2))
 AT = RNG.normal(size=(7, 2))
 LENGTHS = np.array([1.5, 3.0])
-SINGLES = [np.array([i]) for i in range(len(POINTS))]
 
 
 def smooth(points):
@@ -45,47 +45,62 @@ def test_a_polynomial_of_the_trend_is_reproduced(degree):
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2])
-@pytest.mark.parametrize("group", [[4], [0, 7, 11]])
-def test_leaving_out_is_fitting_without(degree, group):
+def test_leaving_out_is_fitting_without(degree):
     terms = all_terms(2, degree)
     kriging = conditioned(POINTS, LENGTHS, terms)
-    rest = np.setdiff1d(np.arange(len(POINTS)), group)
-    without = conditioned(POINTS[rest], LENGTHS, terms)
-    weights, deviations = kriging.left_out(np.array(group))
-    assert np.allclose(weights[:, rest], without.weights(POINTS[group]), atol=1e-6)
-    assert np.all(weights[:, group] == 0.0)
-    assert np.allclose(deviations, without.deviations(POINTS[group]), atol=1e-5)
+    weights, deviations = kriging.left_out()
+    for i in (0, 7, 17):
+        rest = np.delete(np.arange(len(POINTS)), i)
+        without = conditioned(POINTS[rest], LENGTHS, terms)
+        assert np.allclose(weights[i, rest], without.weights(POINTS[[i]])[0], atol=1e-6)
+        assert weights[i, i] == 0.0
+        assert np.isclose(deviations[i], without.deviations(POINTS[[i]])[0], atol=1e-5)
 
 
-def test_the_loss_is_that_of_brute_force():
+def test_errors_are_those_of_brute_force():
     values = smooth(POINTS)
     kriging = conditioned(POINTS, LENGTHS, all_terms(2, 1))
-    groups = [np.array([0, 1]), *SINGLES[2:]]
     brute = []
-    for group in groups:
-        rest = np.setdiff1d(np.arange(len(POINTS)), group)
+    for i in range(len(POINTS)):
+        rest = np.delete(np.arange(len(POINTS)), i)
         without = conditioned(POINTS[rest], LENGTHS, all_terms(2, 1))
-        error = without.weights(POINTS[group]) @ values[rest] - values[group]
-        brute.append(np.sqrt(np.sum(error**2) / len(group)))
-    assert np.isclose(left_out_loss(kriging, values @ values.T, groups), np.mean(brute), rtol=1e-5)
+        brute.append(np.linalg.norm(without.weights(POINTS[[i]]) @ values[rest] - values[i]))
+    assert np.allclose(left_out_errors(kriging, values @ values.T), brute, rtol=1e-4)
+
+
+@pytest.mark.parametrize("degree", [0, 2])
+def test_covariance_has_the_deviations_on_its_diagonal(degree):
+    kriging = conditioned(POINTS, LENGTHS, all_terms(2, degree))
+    covariance = kriging.covariance(AT)
+    assert np.allclose(np.sqrt(np.diag(covariance)), kriging.deviations(AT), atol=1e-8)
+    assert np.allclose(covariance, covariance.T)
+    assert np.linalg.eigvalsh(covariance).min() > -1e-9
+
+
+def test_a_remainder_has_the_size_of_what_was_drawn():
+    lengths, trend = np.array([0.7, 0.7]), all_terms(2, 0)
+    factor = np.linalg.cholesky(isotropic(POINTS * 2.5 / 0.7) + 1e-9 * np.eye(len(POINTS)))
+    values = 3.0 * factor @ RNG.normal(size=(len(POINTS), 4000))
+    found = remainder(conditioned(POINTS, lengths, trend), values @ values.T / 4000)
+    assert np.isclose(found, 3.0, rtol=0.03)  # 8 standard errors
 
 
 def test_a_fit_chooses_what_predicts_best():
     values = smooth(POINTS)
-    kriging = fitted(POINTS, values @ values.T, SINGLES)
+    kriging = fitted(POINTS, values @ values.T)
     plain = conditioned(POINTS, np.full(2, 4.0), all_terms(2, 0))
     errors = [np.abs(k.weights(AT) @ values - smooth(AT)).max() for k in (kriging, plain)]
     assert errors[0] < 0.5 * errors[1]
-    again = fitted(POINTS, values @ values.T, SINGLES)
+    again = fitted(POINTS, values @ values.T)
     assert np.array_equal(kriging.lengths, again.lengths)
     assert kriging.terms == again.terms
 
 
 def test_a_quadratic_needs_no_remainder():
     values = monomials(POINTS, all_terms(2, 2)) @ RNG.normal(size=(6, 4))
-    kriging = fitted(POINTS, values @ values.T, SINGLES)
+    kriging = fitted(POINTS, values @ values.T)
     assert kriging.terms == all_terms(2, 2)
-    assert left_out_loss(kriging, values @ values.T, SINGLES) < 1e-6
+    assert left_out_errors(kriging, values @ values.T).max() < 1e-6
 
 
 def test_terms_that_the_points_cannot_tell_apart_are_left_out():
@@ -95,28 +110,27 @@ def test_terms_that_the_points_cannot_tell_apart_are_left_out():
 
 
 def test_next_points_are_spread_and_new():
-    order = next_spread(POINTS, [5], 6)
+    covariance = isotropic(POINTS)
+    order = most_telling(covariance, [5], 6)
     assert len(set(order) | {5}) == 7
-    assert next_spread(POINTS, [5, *order[:3]], 3) == order[3:]
-    assert len(next_spread(POINTS, [5], 100)) == len(POINTS) - 1
-    doubled = np.concatenate([POINTS, POINTS])
-    first = next_spread(doubled, [0], 10)
+    assert most_telling(covariance, [5, *order[:3]], 3) == order[3:]
+    assert len(most_telling(covariance, [5], 100)) == len(POINTS) - 1
+    doubled = isotropic(np.concatenate([POINTS, POINTS]))
+    first = most_telling(doubled, [0], 10)
     assert len({i % len(POINTS) for i in first}) == 10  # a point again teaches nothing
 
 
-def test_one_group_cannot_be_left_out():
-    with pytest.raises(ValueError, match="1 groups"):
-        fitted(POINTS, np.eye(len(POINTS)), [np.arange(len(POINTS))])
+def test_the_most_telling_point_lowers_the_mean_variance_most():
+    pool, terms = np.concatenate([POINTS, AT]), all_terms(2, 1)
+    n = len(POINTS)
+    (best,) = most_telling(conditioned(POINTS, LENGTHS, terms).covariance(pool), range(n), 1)
+    means = [
+        np.mean(conditioned(pool[[*range(n), c]], LENGTHS, terms).deviations(pool) ** 2)
+        for c in range(n, len(pool))
+    ]
+    assert best == n + int(np.argmin(means))
 
 
-def test_a_linear_trend_has_its_own_slopes_at_each_speed():
-    places = RNG.normal(size=(9, 1))
-    points = np.concatenate([np.column_stack([places, np.full(9, v)]) for v in (-1.0, 1.0)])
-    groups = [np.array([i, i + 9]) for i in range(9)]
-    assert inputs_within(points, groups) == {1}
-    values = (points[:, 0] * (2.0 + points[:, 1]))[:, None]
-    kriging = fitted(points, values @ values.T, groups)
-    assert (0, 1) in kriging.terms
-    assert left_out_loss(kriging, values @ values.T, groups) < 1e-6
-    alone = [np.array([i]) for i in range(9)]
-    assert inputs_within(points[:9], alone) == set()
+def test_one_point_cannot_be_left_out():
+    with pytest.raises(ValueError, match="1 training points"):
+        fitted(POINTS[:1], np.eye(1))

@@ -16,5 +16,5 @@ class StepATable(Table):
 
     surrogate: bool = False
     tolerance_percent: Annotated[float, Field(gt=0, le=100)] = 4.0
-    tolerance_points: Annotated[float, Field(gt=0, le=100)] = 0.5
+    tolerance_points: Annotated[float, Field(gt=0, le=100)] = 2.0
     most_grounds: Annotated[int, Field(ge=4, le=10_000)] = 80

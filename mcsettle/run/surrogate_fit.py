@@ -1,0 +1,181 @@
+"""What a training of the surrogate has computed, and the kriging that follows from it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mcsettle.railway.scene import Scene
+from mcsettle.run.surrogate import Label, Passage
+from mcsettle.run.training_grounds import Learnt, training_grounds
+from mcsettle.step_a.kriging import Kriging, fitted, remainder
+from mcsettle.step_a.surrogate import (
+    Arrays,
+    Inputs,
+    Level,
+    Surrogate,
+    inner_products,
+    inputs_of,
+    stacked,
+)
+from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_a.transfers import TransferStore
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """One service in all candidates, and others with the same passages.
+
+    ``labels``: their places in the study; ``place`` in the passages of a set; ``points`` [S, D].
+    """
+
+    kind: str
+    labels: tuple[Label, ...]
+    place: int
+    inputs: Inputs
+    points: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Kriging of families with the same points: one for each level.
+
+    ``remainders``: sizes of what their trends leave, relative to that of the first level.
+    """
+
+    krigings: tuple[Kriging, ...]
+    remainders: tuple[float, ...]
+
+
+@dataclass(eq=False)
+class Learning:
+    """State of a training: candidates, what is computed of them, in the order chosen.
+
+    ``families`` by points that they have in common; ``refused``: sets that cannot be computed.
+    """
+
+    store: TransferStore
+    baseline: str
+    indices: list[int]
+    scenes: list[tuple[Scene, ...]]
+    passages: list[list[Passage]]
+    families: list[list[Family]]
+    places: np.ndarray
+    chosen: list[int] = field(default_factory=list)
+    refused: list[int] = field(default_factory=list)
+    both: list[int] = field(default_factory=list)
+    learnt: dict[int, Learnt] = field(default_factory=dict)
+
+    @property
+    def n_grounds(self) -> int:
+        """Grounds computed so far, those of each set counted."""
+        return sum(self.grounds_of(c, c in self.both) for c in self.chosen)
+
+    def grounds_of(self, candidate: int, both: bool) -> int:
+        """How many grounds a candidate takes."""
+        return len(training_grounds(self.passages[candidate], both))
+
+
+def families_of(passages: list[list[Passage]]) -> list[list[Family]]:
+    """Families of passages, those with the same points together."""
+    places: dict[tuple[str, bytes], list[int]] = {}
+    for place, passage in enumerate(passages[0]):
+        numbers = np.stack([of_set[place].description.numbers for of_set in passages])
+        places.setdefault((passage.description.kind, numbers.tobytes()), []).append(place)
+    groups: dict[tuple[str, bytes], list[Family]] = {}
+    for (kind, _), alike in places.items():
+        numbers = np.stack([of_set[alike[0]].description.numbers for of_set in passages])
+        inputs = inputs_of(numbers)
+        points = np.stack([_point(inputs, row) for row in numbers])
+        labels = tuple(passages[0][place].label for place in alike)
+        family = Family(kind, labels, alike[0], inputs, points)
+        groups.setdefault((kind, points.tobytes()), []).append(family)
+    return list(groups.values())
+
+
+def _point(inputs: Inputs, numbers: np.ndarray) -> np.ndarray:
+    point = inputs.point(numbers)
+    assert point is not None
+    return point
+
+
+def fitted_to(state: Learning, families: Sequence[Family]) -> Fit:
+    """Kriging of families with the same points, from what is computed."""
+    products: list[list[np.ndarray]] = [[], []]
+    for family in families:
+        levels = _stacks(state, family)
+        for of_level, stacks in zip(products, levels, strict=False):
+            of_level.append(inner_products(stacks, levels[0], _like(state, family)))
+    krigings, sizes = [], []
+    for grams, sets in zip(products, (state.chosen, state.both), strict=True):
+        if grams:
+            gram = np.sum(grams, axis=0)
+            krigings.append(fitted(families[0].points[sets], gram))
+            sizes.append(remainder(krigings[-1], gram))
+    return Fit(tuple(krigings), tuple(size / max(sizes[0], 1e-300) for size in sizes))
+
+
+def _surrogates(state: Learning, families: Sequence[Family], fit: Fit) -> list[Surrogate]:
+    """Surrogate of each family."""
+    surrogates = []
+    for family in families:
+        levels = []
+        of_levels = zip(_stacks(state, family), fit.krigings, fit.remainders, strict=False)
+        for sets, (stacks, kriging, size) in zip(
+            (state.chosen, state.both), of_levels, strict=False
+        ):
+            sources = tuple(_transfer(state, family, c).digest for c in sets)
+            levels.append(Level(kriging, stacks, sources, size))
+        surrogates.append(Surrogate(family.inputs, _like(state, family), tuple(levels)))
+    return surrogates
+
+
+def _stacks(state: Learning, family: Family) -> list[Arrays]:
+    """Training arrays of each level of a family: one where nothing softens, or not apart."""
+    keys = {c: state.passages[c][family.place].key for c in state.chosen}
+    levels = [stacked([state.learnt[c].transfers[keys[c]] for c in state.chosen])]
+    apart = [state.learnt[c].softening.get(keys[c]) for c in state.both]
+    if len(apart) > 1 and all(arrays is not None for arrays in apart):
+        levels.append({name: np.stack([a[name] for a in apart if a]) for name in levels[0]})
+    return levels
+
+
+def _transfer(state: Learning, family: Family, candidate: int) -> TransferFunctions:
+    key = state.passages[candidate][family.place].key
+    return state.learnt[candidate].transfers[key]
+
+
+def _like(state: Learning, family: Family) -> TransferFunctions:
+    return _transfer(state, family, state.chosen[0])
+
+
+def surrogates_of(state: Learning, fits: Sequence[Fit]) -> list[tuple[Family, Surrogate]]:
+    """Every family with its surrogate."""
+    return [
+        pair
+        for families, fit in zip(state.families, fits, strict=True)
+        for pair in zip(families, _surrogates(state, families, fit), strict=True)
+    ]
+
+
+def weights_left_out(
+    state: Learning, family: Family, surrogate: Surrogate, position: int
+) -> tuple[tuple[list[np.ndarray], list[np.ndarray]], list[float]]:
+    """Weights of each level with a training set and without it, and SDs of the error without it.
+
+    Where nothing is known of what its softening changes, both predict that alike.
+    """
+    candidate = state.chosen[position]
+    known, left, sds = [], [], []
+    for sets, level in zip((state.chosen, state.both), surrogate.levels, strict=False):
+        kriging, point = level.kriging, family.points[candidate][None]
+        if candidate in sets:
+            row = sets.index(candidate)
+            weights, deviations = (a[row] for a in kriging.left_out())
+            known.append(np.eye(len(sets))[row])
+        else:
+            weights, deviations = kriging.weights(point)[0], kriging.deviations(point)[0]
+            known.append(weights)
+        left.append(weights)
+        sds.append(level.remainder * float(deviations))
+    return (known, left), sds
