@@ -42,7 +42,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/predicted_grounds"))
     parser.add_argument("--sets", type=int, default=1000)
     parser.add_argument("--most-grounds", type=int, default=80)
-    parser.add_argument("--tolerance-points", type=float, default=2.0)
+    parser.add_argument("--tolerance-points", type=float, default=3.0)
     parser.add_argument("--held-out", type=int, default=20)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--learn-only", action="store_true")
