@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from mcsettle.cli.tables import UNKNOWN, add_numbers, console, print_fitted, shown, table
-from mcsettle.estimate.rounding import number
 
 if TYPE_CHECKING:
-    from mcsettle.estimate.estimate import Estimate, Statistic
+    from mcsettle.estimate.estimate import Statistic
     from mcsettle.summary.summary import SummaryRow
 
 
@@ -57,7 +56,7 @@ def _print_lines(out: Console, rows: "list[SummaryRow]") -> None:
         named = [row.name, row.metric]
         ends = [shown(row.at(0.5).value), _share(row, "cost_at_mean_interval")]
         for length in dict.fromkeys(s.subject for s in of_line):
-            cells = [_ranged(s.estimate) for s in of_line if s.subject == length]
+            cells = [s.estimate.with_interval("\n") for s in of_line if s.subject == length]
             means.add_row(*named, length, *cells, *ends)
             named, ends = ["", ""], ["", ""]
     if not means.row_count:
@@ -70,14 +69,6 @@ def _print_lines(out: Console, rows: "list[SummaryRow]") -> None:
         "A line's price is the mean of its sections' costs. Uncertain inputs are the same all along "
         "a line, so their spread stays. Open: too few parameter sets or realisations to say how far.",
     )
-
-
-def _ranged(estimate: "Estimate") -> str:
-    """A value and under it its interval."""
-    if estimate.value is None:
-        return UNKNOWN
-    ends = (number(end, empty="open") for end in (estimate.lower, estimate.upper))
-    return f"{number(estimate.value)}\n[{', '.join(ends)}]"
 
 
 def _index_lines(rows: "list[SummaryRow]") -> Iterator[str]:

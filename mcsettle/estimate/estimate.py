@@ -15,7 +15,7 @@ Journal of the American Statistical Association 73, 194–196.
 import math
 from dataclasses import dataclass
 
-from mcsettle.estimate.rounding import NOT_REACHED, decimals, is_error, with_error
+from mcsettle.estimate.rounding import NOT_REACHED, decimals, is_error, number, with_error
 
 LEVELS = (0.05, 0.5, 0.95)
 CONFIDENCE = 0.95
@@ -65,6 +65,14 @@ class Estimate:
     def with_error(self, empty: str = NOT_REACHED, factor: float = 1.0) -> str:
         """Value ± standard error, both times ``factor``; ``empty`` where there is no value."""
         return with_error(self.value, self.standard_error, empty, factor)
+
+    def with_interval(self, between: str = " ", empty: str = "–") -> str:
+        """Value and its 95 % interval, to two digits of the error; an end not known is open."""
+        if self.value is None:
+            return empty
+        places = self.places()
+        low, high = (number(end, places, "open") for end in (self.lower, self.upper))
+        return f"{number(self.value, places)}{between}[{low}, {high}]"
 
     @property
     def relative_error(self) -> float | None:

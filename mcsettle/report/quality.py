@@ -154,7 +154,9 @@ def _lines(material: Material) -> Iterator[Block]:
             continue
         rows.append((f"{row.name}, {metric_words(row.metric)}, {unit_words(row.unit)}",))
         for length in dict.fromkeys(s.subject for s in lines):
-            rows.append((length, *(_ranged(s.estimate) for s in lines if s.subject == length)))
+            rows.append(
+                (length, *(s.estimate.with_interval() for s in lines if s.subject == length))
+            )
     if rows:
         note = (
             "P5, P50, P95 and mean of the mean over a line of independent sections, each with the 95 % "
@@ -165,13 +167,6 @@ def _lines(material: Material) -> Iterator[Block]:
         )
         head = ("length", "P5", "P50", "P95", "mean")
         yield Table("Means over a line", head, tuple(rows), 1, note, small=True)
-
-
-def _ranged(estimate: Estimate) -> str:
-    """A value and its 95 % interval."""
-    places = estimate.places()
-    low, high = (number(end, places, "open") for end in (estimate.lower, estimate.upper))
-    return f"{number(estimate.value, places)} [{low}, {high}]"
 
 
 def convergence_blocks(material: Material) -> Iterator[Block]:
