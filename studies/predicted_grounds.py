@@ -56,7 +56,7 @@ def main() -> None:
     print(f"{training.text}; {_times(started)}", flush=True)
     if not arguments.learn_only:
         options = RunOptions(processes=arguments.processes)
-        finished = run_study(study, arguments.out / "run", options, None)
+        finished = run_study(study, arguments.out / "run", options, _said)
         print("\n".join(finished.remarks))
         print(f"{arguments.sets} sets: {_times(started)}", flush=True)
     _compare(study, store, arguments.held_out, arguments.processes)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from mcsettle.errors import InputError, NumericalError
 from mcsettle.railway.scene import Scene
 from mcsettle.railway.traffic import Service, Timetable
 from mcsettle.run.surrogate import Passage
@@ -65,31 +66,39 @@ def scenes_learnt_from(passages: Sequence[Passage]) -> tuple[Scene, ...]:
     )
 
 
+OnGround = dict[Any, TransferFunctions]  # by key of the passage
+
+
 def computed_on(
     training: TrainingGround, scenes: Sequence[Scene], store: TransferStore
-) -> dict[Any, TransferFunctions]:
-    """Transfer functions of the passages on one ground, kept in the cache folder."""
+) -> OnGround | None:
+    """Transfer functions on one ground, kept in the cache folder; None where they cannot be computed."""
     own = store.emptied()
-    return {
-        p.key: transfer_on(training.ground, p.scene, p.service, scenes, own)
-        for p in training.passages
-    }
+    try:
+        return {
+            p.key: transfer_on(training.ground, p.scene, p.service, scenes, own)
+            for p in training.passages
+        }
+    except (InputError, NumericalError):
+        return None
 
 
-def computed(passages: Sequence[Passage], both: bool, store: TransferStore) -> Learnt:
-    """Step A of a set on its training grounds.
+def learnt_on(
+    grounds: Sequence[TrainingGround], on_grounds: Sequence[OnGround | None]
+) -> Learnt | None:
+    """Step A of a set on its training grounds; None where one of them cannot be computed.
 
     Between the lowest and the highest speed what the softening changes is linear in the speed.
     """
-    scenes = scenes_learnt_from(passages)
-    transfers: dict[Any, TransferFunctions] = {}
+    transfers: OnGround = {}
     softening: dict[Any, Arrays] = {}
     own = set[Any]()
-    for training in training_grounds(passages, both):
+    for training, on_ground in zip(grounds, on_grounds, strict=True):
+        if on_ground is None:
+            return None
         slowest, fastest = (p.service.speed for p in _ends(training.passages))
         softens = training.ground.softened is not None
         own |= {p.key for p in training.passages if not softens or p.service.speed == fastest}
-        on_ground = computed_on(training, scenes, store)
         for p in training.passages:
             if p.key not in transfers:
                 transfers[p.key] = on_ground[p.key]

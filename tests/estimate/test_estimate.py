@@ -224,4 +224,7 @@ def test_an_interval_has_the_digits_of_its_error():
     known = Estimate(12.3456, 11.234, None, 0.5, 10, 0, "d")
     assert known.with_interval() == "12.35 [11.23, open]"
     assert Estimate(None, None, None, None, 10, 10, "d").with_interval("\n") == "–"
-    assert Estimate(12.3456, 11.234, 13.0, None, 10, 0, "d").with_interval("\n") == "12.3\n[11.2, 13.0]"
+    assert (
+        Estimate(12.3456, 11.234, 13.0, None, 10, 0, "d").with_interval("\n")
+        == "12.3\n[11.2, 13.0]"
+    )

@@ -16,10 +16,10 @@ from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import parse_slice
 from mcsettle.run.surrogate import ERROR, list_passages, with_errors
 from mcsettle.run.train_surrogate import set_predictor
-from mcsettle.run.training_grounds import computed, training_grounds
+from mcsettle.run.training_grounds import computed_on, learnt_on, training_grounds
 from mcsettle.step_a import transfer_cache
 from mcsettle.step_a.surrogate import stacked
-from mcsettle.step_a.transfers import needs, step_a
+from mcsettle.step_a.transfers import needs, step_a, transfer_on
 from mcsettle.storage.location import place
 from mcsettle.storage.provenance import read_provenance
 from mcsettle.study import candidates
@@ -209,22 +209,22 @@ def test_a_ground_that_cannot_be_computed_is_not_learnt_from(monkeypatch):
         if m.index in refused
     }
 
-    def refuses(passages, *arguments):
-        if passages[0].service.train.cars[0].secondary in springs:
+    def refuses(ground, scene, service, scenes, own):
+        if service.train.cars[0].secondary in springs:
             raise NumericalError("the softening does not converge")
-        return computed(passages, *arguments)
+        return transfer_on(ground, scene, service, scenes, own)
 
-    monkeypatch.setattr(train_surrogate, "computed", refuses)
+    monkeypatch.setattr(train_grounds, "transfer_on", refuses)
     training = set_predictor(candidates_of(narrow), transfer_store(narrow))
     assert len(training.sets) >= 2
     assert not refused & set(training.sets)
 
 
 def test_nothing_is_learnt_from_too_few_grounds(monkeypatch):
-    def refuses(passages, *arguments):
+    def refuses(*arguments):
         raise NumericalError("the softening does not converge")
 
-    monkeypatch.setattr(train_surrogate, "computed", refuses)
+    monkeypatch.setattr(train_grounds, "transfer_on", refuses)
     narrow = with_surrogate(SPRING, DAMPING)
     store = transfer_store(narrow)
     assert set_predictor(candidates_of(narrow), store) is None
@@ -253,6 +253,11 @@ def test_a_training_ground_has_all_speeds(root, soil, both, speeds):
         assert [round(3.6 * p.service.speed) for p in ground.passages] == [201, 209, 217, 225]
 
 
+def learnt_from(passages, both, store):
+    grounds = training_grounds(passages, both)
+    return learnt_on(grounds, [computed_on(ground, (), store) for ground in grounds])
+
+
 def test_what_softening_changes_is_linear_in_the_speed(root, study, store, monkeypatch):
     like = step_a(study.scenes, store=store).transfers["base", "v201"][0]
 
@@ -262,7 +267,7 @@ def test_what_softening_changes_is_linear_in_the_speed(root, study, store, monke
 
     monkeypatch.setattr(train_grounds, "transfer_on", on_ground)
     passages = passages_on(root, "equivalent_linear")
-    learnt = train_grounds.computed(passages, True, store)
+    learnt = learnt_from(passages, True, store)
     fastest = max(passages, key=lambda p: p.service.speed)
     assert learnt.own == {fastest.key}
     for p in passages:
@@ -273,4 +278,4 @@ def test_what_softening_changes_is_linear_in_the_speed(root, study, store, monke
         assert (p.key in learnt.softening) == (p is not fastest)
         for name, expected in stacked([exact]).items():
             assert np.allclose(found[name], expected, rtol=1e-12)
-    assert not train_grounds.computed(passages, False, store).softening
+    assert not learnt_from(passages, False, store).softening
