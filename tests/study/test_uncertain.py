@@ -230,7 +230,7 @@ def test_key_paths():
 def test_the_shipped_studies_are_sound_and_sourced(root: Path, name: str):
     loaded = load_study(root / "studies" / f"{name}.toml")
     assert all(entry.source for entry in loaded.uncertain)
-    assert len(all_sets(loaded)) == loaded.n_sets == 64
+    assert len(all_sets(loaded)) == loaded.n_sets >= 64
 
 
 def test_the_cache_keeps_what_was_used_last(tmp_path: Path):
