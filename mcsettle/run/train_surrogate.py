@@ -38,16 +38,9 @@ from mcsettle.run.training_grounds import (
     training_grounds,
 )
 from mcsettle.step_a.fem25d.cache import digest_of, read_arrays, write_arrays
-from mcsettle.step_a.kriging import (
-    conditioned,
-    isotropic,
-    most_telling,
-)
+from mcsettle.step_a.kriging import conditioned, isotropic, most_telling
 from mcsettle.step_a.processes import Together, together
-from mcsettle.step_a.surrogate import (
-    Surrogate,
-    inputs_of,
-)
+from mcsettle.step_a.surrogate import Surrogate, inputs_of
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_a.transfers import TransferStore
 from mcsettle.storage.files import cache_folder
