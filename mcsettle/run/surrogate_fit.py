@@ -36,15 +36,8 @@ class Family:
     points: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Kriging of families with the same points: one for each level.
-
-    ``remainders``: sizes of what their trends leave, relative to that of the first level.
-    """
-
-    krigings: tuple[Kriging, ...]
-    remainders: tuple[float, ...]
+LevelFit = tuple[Kriging, float]  # of a level, with its remainder relative to that of the first
+Learned = list[tuple[Family, Surrogate]]  # families with the same points
 
 
 @dataclass(eq=False)
@@ -99,35 +92,54 @@ def _point(inputs: Inputs, numbers: np.ndarray) -> np.ndarray:
     return point
 
 
-def fitted_to(state: Learning, families: Sequence[Family]) -> Fit:
-    """Kriging of families with the same points, from what is computed."""
+def surrogates_of(
+    state: Learning, fits: Sequence[Sequence[LevelFit]] | None = None
+) -> list[Learned]:
+    """Surrogate of every family from what is computed; ``fits`` of each level, if found before."""
+    groups = []
+    for place, families in enumerate(state.families):
+        stacks = [_stacks(state, family) for family in families]
+        fit = _fitted(state, families, stacks) if fits is None else fits[place]
+        groups.append(
+            [
+                (family, _surrogate(state, family, of_family, fit))
+                for family, of_family in zip(families, stacks, strict=True)
+            ]
+        )
+    return groups
+
+
+def fits_of(group: Learned) -> list[LevelFit]:
+    """Fit of each level of families with the same points, not all of which have all levels."""
+    levels = max((surrogate.levels for _, surrogate in group), key=len)
+    return [(level.kriging, level.remainder) for level in levels]
+
+
+def _fitted(
+    state: Learning, families: Sequence[Family], stacks: Sequence[list[Arrays]]
+) -> list[LevelFit]:
     products: list[list[np.ndarray]] = [[], []]
-    for family in families:
-        levels = _stacks(state, family)
-        for of_level, stacks in zip(products, levels, strict=False):
-            of_level.append(inner_products(stacks, levels[0], _like(state, family)))
+    for family, levels in zip(families, stacks, strict=True):
+        for of_level, arrays in zip(products, levels, strict=False):
+            of_level.append(inner_products(arrays, levels[0], _like(state, family)))
     krigings, sizes = [], []
     for grams, sets in zip(products, (state.chosen, state.both), strict=True):
         if grams:
             gram = np.sum(grams, axis=0)
             krigings.append(fitted(families[0].points[sets], gram))
             sizes.append(remainder(krigings[-1], gram))
-    return Fit(tuple(krigings), tuple(size / max(sizes[0], 1e-300) for size in sizes))
+    return [(k, size / max(sizes[0], 1e-300)) for k, size in zip(krigings, sizes, strict=True)]
 
 
-def _surrogates(state: Learning, families: Sequence[Family], fit: Fit) -> list[Surrogate]:
-    """Surrogate of each family."""
-    surrogates = []
-    for family in families:
-        levels = []
-        of_levels = zip(_stacks(state, family), fit.krigings, fit.remainders, strict=False)
-        for sets, (stacks, kriging, size) in zip(
-            (state.chosen, state.both), of_levels, strict=False
-        ):
-            sources = tuple(_transfer(state, family, c).digest for c in sets)
-            levels.append(Level(kriging, stacks, sources, size))
-        surrogates.append(Surrogate(family.inputs, _like(state, family), tuple(levels)))
-    return surrogates
+def _surrogate(
+    state: Learning, family: Family, stacks: list[Arrays], fits: Sequence[LevelFit]
+) -> Surrogate:
+    levels = []
+    of_levels = zip((state.chosen, state.both), stacks, fits, strict=False)
+    for sets, arrays, (kriging, size) in of_levels:
+        sources = tuple(_transfer(state, family, c).digest for c in sets)
+        levels.append(Level(kriging, arrays, sources, size))
+    return Surrogate(family.inputs, _like(state, family), tuple(levels))
 
 
 def _stacks(state: Learning, family: Family) -> list[Arrays]:
@@ -147,15 +159,6 @@ def _transfer(state: Learning, family: Family, candidate: int) -> TransferFuncti
 
 def _like(state: Learning, family: Family) -> TransferFunctions:
     return _transfer(state, family, state.chosen[0])
-
-
-def surrogates_of(state: Learning, fits: Sequence[Fit]) -> list[tuple[Family, Surrogate]]:
-    """Every family with its surrogate."""
-    return [
-        pair
-        for families, fit in zip(state.families, fits, strict=True)
-        for pair in zip(families, _surrogates(state, families, fit), strict=True)
-    ]
 
 
 def weights_left_out(

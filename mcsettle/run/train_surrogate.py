@@ -24,10 +24,10 @@ from mcsettle.run.surrogate import (
 )
 from mcsettle.run.surrogate_fit import (
     Family,
-    Fit,
+    Learned,
     Learning,
     families_of,
-    fitted_to,
+    fits_of,
     surrogates_of,
     weights_left_out,
 )
@@ -75,8 +75,8 @@ def set_predictor(
             trained = _trained(state, table.most_grounds, tolerance, several, progress)
             if trained is None:
                 return None
-            predictor, fits = trained
-            write_arrays(path, {"training": np.array(_stored(state, predictor, fits))})
+            predictor, groups = trained
+            write_arrays(path, {"training": np.array(_stored(state, predictor, groups))})
         else:
             predictor = _restored(state, json.loads(stored), tolerance, several, progress)
     store.predictor = predictor
@@ -85,7 +85,7 @@ def set_predictor(
 
 def _trained(
     state: Learning, most_grounds: int, tolerance: Expected, processes: Together, progress: Progress
-) -> tuple[GroundPredictor, list[Fit]] | None:
+) -> tuple[GroundPredictor, list[Learned]] | None:
     """Compute sets until the tolerance is met, or as many grounds as may be."""
     n_first = FIRST * (1 + state.places.shape[1])
     first = [0, *most_telling(isotropic(state.places), [0], n_first - 1)]
@@ -94,26 +94,23 @@ def _trained(
     if len(state.chosen) < FEWEST:
         return None
     while True:
-        fits = [fitted_to(state, group) for group in state.families]
-        predictor, worst = _assessed(state, fits, tolerance)
+        groups = surrogates_of(state)
+        predictor, worst = _assessed(state, groups, tolerance)
         # A set beyond the tolerance takes less to learn from than to compute at every speed.
-        further = worst[:STEP] if worst else _most_telling(state, fits)
+        further = worst[:STEP] if worst else _most_telling(state, groups)
         further = _affordable(state, further, most_grounds - state.n_grounds)
         if predictor.training.met or not further:
-            return predictor, fits
+            return predictor, groups
         _compute(state, _planned(state, further), processes, progress)
 
 
-def _most_telling(state: Learning, fits: Sequence[Fit]) -> list[int]:
+def _most_telling(state: Learning, groups: Sequence[Learned]) -> list[int]:
     """Next sets to learn from: those that tell most of all."""
-    unknown = np.sum(
-        [
-            fit.krigings[0].covariance(group[0].points)
-            for fit, group in zip(fits, state.families, strict=True)
-        ],
-        axis=0,
-    )
-    return most_telling(unknown, [*state.chosen, *state.refused], STEP)
+    unknown = [
+        surrogate.levels[0].kriging.covariance(family.points) for (family, surrogate), *_ in groups
+    ]
+    tried = [*state.chosen, *state.refused]
+    return most_telling(np.sum(unknown, axis=0), tried, STEP)
 
 
 def _planned(state: Learning, sets: Sequence[int]) -> list[tuple[int, bool]]:
@@ -128,15 +125,18 @@ def _affordable(state: Learning, sets: Sequence[int], most_grounds: int) -> list
     return [c for c, total in zip(sets, totals, strict=True) if total <= most_grounds]
 
 
-def _stored(state: Learning, predictor: GroundPredictor, fits: list[Fit]) -> str:
+def _stored(state: Learning, predictor: GroundPredictor, groups: list[Learned]) -> str:
     """A finished training as text; its transfer functions lie in the cache folder themselves."""
     return json.dumps(
         {
             "chosen": state.chosen,
             "both": state.both,
             "fits": [
-                ([(k.lengths.tolist(), k.terms) for k in fit.krigings], fit.remainders)
-                for fit in fits
+                [
+                    (kriging.lengths.tolist(), kriging.terms, size)
+                    for kriging, size in fits_of(group)
+                ]
+                for group in groups
             ],
             "per_deviation": predictor.per_deviation,
             "training": asdict(predictor.training),
@@ -155,16 +155,18 @@ def _restored(
     sets = [(c, c in stored["both"]) for c in stored["chosen"]]
     _compute(state, sets, processes, progress)
     fits = []
-    for families, (krigings, remainders) in zip(state.families, stored["fits"], strict=True):
-        of_levels = [
-            conditioned(families[0].points[sets], np.array(lengths), tuple(map(tuple, terms)))
-            for sets, (lengths, terms) in zip((state.chosen, state.both), krigings, strict=False)
-        ]
-        fits.append(Fit(tuple(of_levels), tuple(remainders)))
+    for families, levels in zip(state.families, stored["fits"], strict=True):
+        of_levels = zip((state.chosen, state.both), levels, strict=False)
+        fits.append(
+            [
+                (conditioned(families[0].points[c], np.array(k), tuple(map(tuple, terms))), size)
+                for c, (k, terms, size) in of_levels
+            ]
+        )
     training = stored["training"]
     return _predictor(
         state,
-        surrogates_of(state, fits),
+        [pair for group in surrogates_of(state, fits) for pair in group],
         Expected(*stored["per_deviation"]),
         tolerance,
         Training(**(training | {"sets": tuple(training["sets"])})),
@@ -217,13 +219,13 @@ def _compute(
 
 
 def _assessed(
-    state: Learning, fits: Sequence[Fit], tolerance: Expected
+    state: Learning, groups: Sequence[Learned], tolerance: Expected
 ) -> tuple[GroundPredictor, list[int]]:
     """Predictor from what is computed, with errors where each set is left out.
 
     Once most are within the tolerance, also the sets that are beyond, worst first.
     """
-    surrogates = surrogates_of(state, fits)
+    surrogates = [pair for group in groups for pair in group]
     errors = [_left_out(state, surrogates, position) for position in range(len(state.chosen))]
     shares = _shares(state.places, state.chosen)
     per_deviation = Expected(*errors_per_deviation(errors, shares))

@@ -15,6 +15,7 @@ from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
 from mcsettle.run.shards import parse_slice
 from mcsettle.run.surrogate import ERROR, list_passages, with_errors
+from mcsettle.run.surrogate_fit import surrogates_of
 from mcsettle.run.train_surrogate import set_predictor
 from mcsettle.run.training_grounds import computed_on, learnt_on, training_grounds
 from mcsettle.step_a import transfer_cache
@@ -231,10 +232,14 @@ def test_nothing_is_learnt_from_too_few_grounds(monkeypatch):
     assert store.predictor is None
 
 
-def passages_on(root, soil):
+def study_on(root, soil):
     data = tomllib.loads((root / "studies" / "linespeed_ground.toml").read_text(encoding="utf-8"))
     data["track"]["soil"] = soil
-    study = Study.from_mapping(data)
+    return Study.from_mapping(data)
+
+
+def passages_on(root, soil):
+    study = study_on(root, soil)
     return list_passages(study.scenes, transfer_store(study))
 
 
@@ -279,3 +284,29 @@ def test_what_softening_changes_is_linear_in_the_speed(root, study, store, monke
         for name, expected in stacked([exact]).items():
             assert np.allclose(found[name], expected, rtol=1e-12)
     assert not learnt_from(passages, False, store).softening
+
+
+def test_a_second_level_predicts_what_softening_changes(root, study, store, monkeypatch):
+    like = step_a(study.scenes, store=store).transfers["base", "v201"][0]
+
+    def on_ground(ground, scene, service, scenes, store):
+        soft = np.log(ground.track.layers[-1].material.youngs_modulus / 7e7)
+        size = 5.0 + soft + 0.1 * service.speed + 0.02 * ground.softened.speed * (1.0 - soft)
+        return replace(like, **{name: size * getattr(like, name) for name in ("force", "dynamic")})
+
+    monkeypatch.setattr(train_grounds, "transfer_on", on_ground)
+    softens = study_on(root, "equivalent_linear")
+    state = train_surrogate._begun(candidates_of(softens), transfer_store(softens).emptied())
+    *sets, unseen = range(14)
+    state.chosen, state.both = sets, sets[::2]
+    state.learnt = {c: learnt_from(state.passages[c], c % 2 == 0, store) for c in sets}
+    ((*families,),) = surrogates_of(state)
+    assert [len(surrogate.levels) for _, surrogate in families] == [2, 2, 2, 1]
+    for family, surrogate in families:
+        p, point = state.passages[unseen][family.place], family.points[[unseen]]
+        exact = stacked([on_ground(p.ground, p.scene, p.service, (), store)])
+        parts = [k.combined(k.kriging.weights(point)[0]) for k in surrogate.levels]
+        for name in ("force", "dynamic"):
+            predicted = sum(part[name] for part in parts)
+            size = np.abs(exact[name]).max()
+            assert np.abs(predicted - exact[name][0]).max() < 1e-6 * size
