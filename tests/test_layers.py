@@ -184,7 +184,7 @@ def test_few_functions_take_a_study() -> None:
 
 
 # All that run/ calls of study/, and of the study's own methods: a run's walk through study/.
-ASKED = {"run_inputs", "candidates_of", "same_step_b", "with_run", "with_values"}
+ASKED = {"run_inputs", "candidates_of", "with_run", "with_values"}
 BEFORE_AND_BESIDE = {"extent_of"}  # of a folder that is looked at, or a plan that is made
 
 

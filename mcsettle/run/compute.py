@@ -20,9 +20,8 @@ from mcsettle.errors import InputError, NumericalError
 from mcsettle.railway.scene import Scene
 from mcsettle.run import columns
 from mcsettle.run.options import RunOptions
-from mcsettle.run.prefetch import Prefetch
 from mcsettle.run.shards import Shard
-from mcsettle.step_a.transfers import StepA, TransferStore, step_a
+from mcsettle.step_a.transfers import StepA, step_a
 from mcsettle.step_b import expansion_error
 from mcsettle.step_b.build_case import build_case
 from mcsettle.step_b.case import Case, Outcome, support_of
@@ -37,7 +36,7 @@ from mcsettle.storage.foreign import LOGS
 from mcsettle.storage.location import Folder, Place
 from mcsettle.storage.provenance import Provenance
 from mcsettle.storage.shard_name import ShardName
-from mcsettle.study.parameter_sets import ParameterSet, same_step_b
+from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.run_inputs import RunInputs
 from mcsettle.types import Progress, silent
 
@@ -94,25 +93,20 @@ def compute(job: Job, todo: list[Shard], central: StepA) -> None:
     ``central``: Step A of a study without parameter sets; with them every set asks for its own.
     """
     sets, transfers, processes = job.run.sets, job.run.transfers, job.options.processes
-    first = same_step_b(sets)
-    indices = () if transfers is None else dict.fromkeys(shard.member for shard in todo)
-    scenes = {i: sets[i].scenes for i in indices if not sets[i].failure}
-    with Prefetch(scenes, transfers or TransferStore(), processes, job.progress) as prefetch:
-        for index, of_set in groupby(todo, key=lambda shard: shard.member):
-            member, prepared = sets[index], central
-            if len(sets) > 1:
-                job.progress("Parameter sets", index, len(sets))
-            missing = [s for s in of_set if not copied(job, member, first[s.group], s)]
-            if missing and transfers is not None and not member.failure:
-                prefetch.wait(index)
-                prepared = step_a(member.scenes, job.progress, processes, transfers)
-            for scene in member.scenes if missing else ():
-                shards = [shard for shard in missing if shard.is_of(scene)]
-                if member.failure:
-                    for shard in shards:
-                        job.write(shard, failed_tables(member, scene, shard, member.failure))
-                elif shards:
-                    advance(job, member, scene, prepared, shards)
+    for index, of_set in groupby(todo, key=lambda shard: shard.member):
+        member, prepared = sets[index], central
+        if len(sets) > 1:
+            job.progress("Parameter sets", index, len(sets))
+        missing = [s for s in of_set if not copied(job, member, job.run.same_rows[s.group], s)]
+        if missing and transfers is not None and not member.failure:
+            prepared = step_a(member.scenes, job.progress, processes, transfers)
+        for scene in member.scenes if missing else ():
+            shards = [shard for shard in missing if shard.is_of(scene)]
+            if member.failure:
+                for shard in shards:
+                    job.write(shard, failed_tables(member, scene, shard, member.failure))
+            elif shards:
+                advance(job, member, scene, prepared, shards)
 
 
 def copied(job: Job, member: ParameterSet, first: int, shard: Shard) -> bool:

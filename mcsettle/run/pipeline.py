@@ -18,7 +18,7 @@ from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard, Slice, all_shards, slice_of
 from mcsettle.run.status import held_shards, refuse_smaller
 from mcsettle.run.surrogate import Training, surrogate_remarks, with_errors
-from mcsettle.run.together import compute_together, worthwhile
+from mcsettle.run.together import compute_together, own_step_a, worthwhile
 from mcsettle.run.train_surrogate import set_predictor
 from mcsettle.step_a.processes import together
 from mcsettle.step_a.transfers import StepA, step_a
@@ -153,7 +153,8 @@ def prepare(
     job.remarks += surrogate_remarks(run.sets, training)
     refuse_smaller(at, job.complete, run.extent)
     todo = [shard for shard in shards if not (shard.name in job.complete and job.is_whole(shard))]
-    processes = worthwhile(run.extent, run.stepping, todo, options)
+    of_own = own_step_a(run.sets, run.transfers)
+    processes = worthwhile(run.extent, run.stepping, todo, options, of_own)
     if start:
         job.options = replace(
             options, threads=runtime.running(1 if processes > 1 else options.threads)

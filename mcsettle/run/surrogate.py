@@ -116,9 +116,11 @@ def surrogate_remarks(members: Sequence[ParameterSet], training: Training | None
     return remarks
 
 
-def with_errors(members: Sequence[ParameterSet], transfers: TransferStore) -> list[ParameterSet]:
+def with_errors(
+    members: Sequence[ParameterSet], transfers: TransferStore | None
+) -> list[ParameterSet]:
     """``members`` with the error of their Step A among their values, 0 where it is not predicted."""
-    predictor = transfers.predictor
+    predictor = None if transfers is None else transfers.predictor
     if not isinstance(predictor, GroundPredictor):
         return list(members)
     return [

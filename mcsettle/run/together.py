@@ -5,17 +5,19 @@ late to help with either (measured: two are no quicker than one), a second proce
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby
+from itertools import count, groupby
 from multiprocessing import parent_process
 
 from mcsettle.railway.scene import Scene
-from mcsettle.run.compute import Job, advance
+from mcsettle.railway.track import SectionTrack
+from mcsettle.run.compute import Job, advance, compute
 from mcsettle.run.options import RunOptions
 from mcsettle.run.shards import Shard
+from mcsettle.run.worker import RunSpec, work_on
 from mcsettle.step_a.processes import Together, cores
-from mcsettle.step_a.transfers import StepA
+from mcsettle.step_a.transfers import StepA, TransferStore, needs
 from mcsettle.study.extent import Extent
 from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.types import silent
@@ -24,17 +26,65 @@ WORTHWHILE = 16_384  # realisations; fewer are there before a process has starte
 MOST_SHARDS = 8  # of a task, for which the engine is made once
 
 
-def worthwhile(extent: Extent, stepping: str, todo: list[Shard], options: RunOptions) -> int:
-    """How many processes, this one among them, are worth their start."""
+def worthwhile(
+    extent: Extent,
+    stepping: str,
+    todo: list[Shard],
+    options: RunOptions,
+    own_step_a: bool = False,
+) -> int:
+    """How many processes, this one among them, are worth their start.
+
+    ``own_step_a``: every parameter set has a Step A of its own that takes longer than a process to start.
+    """
     few = sum(len(shard.indices) for shard in todo) < WORTHWHILE
-    # Sets of parameters have processes for their Step A; long marches fill all threads.
-    if few or extent.nested or stepping != "cycle_jump":
+    if (few and not own_step_a) or stepping != "cycle_jump":  # long marches fill all threads
         return 1
-    return min(options.processes, options.threads or cores(), len(list(_tasks(todo))))
+    tasks = _sets(todo) if extent.nested else _tasks(todo)
+    return max(1, min(options.processes, options.threads or cores(), len(list(tasks))))
+
+
+def own_step_a(members: Sequence[ParameterSet], transfers: TransferStore | None) -> bool:
+    """Whether parameter sets differ in what a cross-section takes to compute; a beam takes no time."""
+    sound = [member for member in members if not member.failure][:2]
+    if transfers is None or len(sound) < 2:
+        return False
+    first, second = (needs(member.scenes, transfers) for member in sound)
+    return any(isinstance(key[0], SectionTrack) for key in second - first)
 
 
 def compute_together(job: Job, todo: list[Shard], central: StepA, processes: Together) -> None:
-    """Write the shards ``todo`` of a study without parameter sets; remarks go to ``job`` in order."""
+    """Write the shards ``todo`` of a study; remarks go to ``job`` in order."""
+    if job.run.extent.nested:
+        _compute_sets(job, todo, central, processes)
+    else:
+        _compute_scenes(job, todo, central, processes)
+
+
+def _compute_sets(job: Job, todo: list[Shard], central: StepA, processes: Together) -> None:
+    """Parameter sets side by side; then those that have the rows of another."""
+    first = job.run.same_rows
+    own = [shard for shard in todo if first[shard.group] == shard.member]
+    spec = RunSpec(job.at.where, job.provenance.digest, job.run.extent, 1, job.options.batch)
+    options, done = replace(job.options, processes=1), count(1)
+    quiet = replace(job, progress=silent, remarks=[], options=options)
+    arguments = [(spec, shards) for shards in _sets(own)]
+
+    def here(_: RunSpec, shards: list[Shard]) -> tuple[str, ...]:
+        quiet.remarks.clear()
+        compute(quiet, shards, central)
+        return tuple(quiet.remarks)
+
+    def told(_: int) -> None:
+        job.progress("Parameter sets", next(done), len(arguments))
+
+    for remarks in processes.map(work_on, arguments, told, here):
+        job.remarks += remarks
+    compute(job, [shard for shard in todo if first[shard.group] != shard.member], central)
+
+
+def _compute_scenes(job: Job, todo: list[Shard], central: StepA, processes: Together) -> None:
+    """Shards of a study without parameter sets."""
     quiet = replace(job, progress=silent, remarks=[], options=replace(job.options, threads=None))
     member, done = job.run.sets[0], Counter[tuple[str, str]]()
     scenes = {(scene.variant, scene.scenario): scene for scene in member.scenes}
@@ -58,6 +108,12 @@ def compute_together(job: Job, todo: list[Shard], central: StepA, processes: Tog
 
     for remarks in processes.map(_advanced, arguments, told):
         job.remarks += remarks
+
+
+def _sets(todo: list[Shard]) -> Iterator[list[Shard]]:
+    """Shards of each parameter set."""
+    for _, of_set in groupby(todo, key=lambda shard: shard.member):
+        yield list(of_set)
 
 
 def _tasks(todo: list[Shard]) -> Iterator[list[Shard]]:

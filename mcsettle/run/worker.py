@@ -1,4 +1,4 @@
-"""A worker of a distributed run: it is sent the number of a shard, and writes the shard.
+"""A worker of a run shared by processes or machines: it is told of shards, and writes them.
 
 All it needs it finds in the results folder: study, provenance, and what Step A has computed
 (DIR/.step_a). Each process keeps one Taichi runtime with kernels of its own, and works on one shard at a
@@ -11,7 +11,8 @@ import os
 import shutil
 import tempfile
 import threading
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,7 +33,7 @@ from mcsettle.storage.location import Place, place
 from mcsettle.storage.provenance import read_json, read_provenance
 from mcsettle.study.candidates import candidates_of
 from mcsettle.study.extent import Extent, extent_of
-from mcsettle.study.parameter_sets import ParameterSet, same_step_b
+from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.run_inputs import run_inputs
 from mcsettle.summary.results import study_of
 
@@ -69,17 +70,17 @@ class WorkerState:
 
     spec: RunSpec
     job: compute.Job
-    first: dict[tuple[int, str, str], int]  # set with the same Step B
     shards: list[Shard]
     group: tuple[int, str, str] | None = None
+    member: ParameterSet | None = None
     scene: Scene | None = None
     engine: Engine | None = None
     prepared: dict[int, StepA] = field(default_factory=dict)
 
     def make(self, shard: Shard) -> None:
         """Write a shard: computed, taken over from a set with the same rows, or failed for a reason."""
-        job, member = self.job, self.job.run.sets[shard.member]
-        if compute.copied(job, member, self.first[shard.group], shard):
+        job, member = self.job, self._member(shard.member)
+        if compute.copied(job, member, job.run.same_rows[shard.group], shard):
             return
         if self.scene is None or self.group != shard.group:
             self.scene = next(scene for scene in member.scenes if shard.is_of(scene))
@@ -93,6 +94,12 @@ class WorkerState:
             job.remarks.clear()  # each answer has those of its own scenario
             self.engine = compute.engine_of(job, member, self.scene, self.prepared[shard.member])
         compute.write_computed(job, member, self.scene, self.engine, shard)
+
+    def _member(self, index: int) -> ParameterSet:
+        if self.member is None or self.member.index != index:
+            run = self.job.run
+            (self.member,) = with_errors([run.sets[index]], run.transfers)
+        return self.member
 
     def _step_a(self, member: ParameterSet) -> StepA:
         transfers = self.job.run.transfers
@@ -110,15 +117,25 @@ def work(spec: RunSpec, number: int) -> Done:
         The folder is of another run, or cannot be read or written; this process began with another
         number of threads.
     """
-    global _state
+    _own_kernels()
     with _one:
-        if _state is None or _state.spec != spec:
-            _state = _set_up(spec)
-        state, shard = _state, _state.shards[number]
+        state = _state_for(spec)
+        shard = state.shards[number]
         computed = not state.job.is_whole(shard)
         if computed:
             state.make(shard)
         return Done(computed, tuple(dict.fromkeys(state.job.remarks)))
+
+
+def work_on(spec: RunSpec, shards: Sequence[Shard]) -> tuple[str, ...]:
+    """Make missing ``shards`` of a run in a process beside it; returns the remarks on them."""
+    remarks: dict[str, None] = {}
+    with _one:
+        state = _state_for(spec)
+        for shard in shards:
+            state.make(shard)
+            remarks |= dict.fromkeys(state.job.remarks)
+    return tuple(remarks)
 
 
 def share_step_a(at: Place, central: StepA) -> None:
@@ -166,10 +183,16 @@ def read_step_a(at: Place) -> StepA:
     )
 
 
+def _state_for(spec: RunSpec) -> WorkerState:
+    global _state
+    if _state is None or _state.spec != spec:
+        _state = _set_up(spec)
+    return _state
+
+
 def _set_up(spec: RunSpec) -> WorkerState:
     from mcsettle.kernels import backend, runtime
 
-    _own_kernels()
     at = place(spec.where)
     provenance, study = read_provenance(at), study_of(at)
     if (provenance.digest, extent_of(study)) != (spec.provenance, spec.extent):
@@ -189,11 +212,10 @@ def _set_up(spec: RunSpec) -> WorkerState:
     run = with_fits(run, read_fits(at, run))
     if run.transfers is not None and run.predicts_grounds:
         set_predictor(candidates_of(study), run.transfers)
-        run = replace(run, sets=with_errors(run.sets, run.transfers))
     options = RunOptions(threads=spec.threads, batch=spec.batch)
     job = compute.Job(run, at, provenance, options, complete=held_shards(at))
     shards = all_shards(run.extent, provenance.shard_realisations)
-    return WorkerState(spec, job, same_step_b(run.sets), shards)
+    return WorkerState(spec, job, shards)
 
 
 def _own_kernels() -> None:

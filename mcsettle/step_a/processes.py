@@ -63,16 +63,18 @@ class Together:
         function: Callable[..., T],
         arguments: Sequence[tuple[Any, ...]],
         told: Callable[[int], None] = lambda _: None,
+        here: Callable[..., T] | None = None,
     ) -> list[T]:
         """``function(*one)`` for each of ``arguments``; ``told`` of each that is done, by its index.
 
-        The others begin with the first, this process with the last. Where one of them has died this
-        process does the rest.
+        The others begin with the first, this process with the last, by ``here`` if it has a way of its
+        own. Where one of them has died this process does the rest.
         """
+        here = here or function
         if self.pool is None:
             answers = []
             for index, one in enumerate(arguments):
-                answers.append(function(*one))
+                answers.append(here(*one))
                 told(index)
             return answers
         futures = [self.pool.submit(function, *one) for one in arguments]
@@ -80,12 +82,12 @@ class Together:
         untold = set(range(len(futures)))
         for i in reversed(range(len(futures))):
             if futures[i].cancel():
-                results[i] = function(*arguments[i])
+                results[i] = here(*arguments[i])
             else:
                 try:
                     results[i] = futures[i].result()
                 except BrokenProcessPool:
-                    results[i] = function(*arguments[i])
+                    results[i] = here(*arguments[i])
             for k in sorted(untold):
                 if k in results or (futures[k].done() and not futures[k].cancelled()):
                     untold.remove(k)

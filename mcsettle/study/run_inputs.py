@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ from mcsettle.step_a.transfers import TransferStore
 from mcsettle.storage.manifest import INPUTS
 from mcsettle.study.extent import Extent, extent_of
 from mcsettle.study.key_units import input_units
-from mcsettle.study.parameter_sets import CENTRAL, ParameterSet, all_sets
+from mcsettle.study.parameter_sets import CENTRAL, ParameterSet, all_sets, same_step_b
 from mcsettle.study.study import Study, resolved_toml
 from mcsettle.study.transfer_store import transfer_store
 
@@ -50,6 +51,11 @@ class RunInputs:
     toml: str
     files: Mapping[str, Path]
     transfers: TransferStore | None
+
+    @cached_property
+    def same_rows(self) -> dict[tuple[int, str, str], int]:
+        """``same_step_b`` of the parameter sets."""
+        return same_step_b(self.sets)
 
 
 def run_inputs(study: Study) -> RunInputs:

@@ -1,4 +1,4 @@
-"""Step A of the sets to come in processes of their own: same rows, all from the cache folder."""
+"""Which parameter sets have a Step A of their own, and which grounds are at hand."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -6,12 +6,11 @@ from types import SimpleNamespace
 import pytest
 from toy import COST, LOAD, SPRING, everything, uncertain
 
-from mcsettle.errors import NumericalError
-from mcsettle.railway.track import BeamTrack
-from mcsettle.run import prefetch
+from mcsettle.railway.track import BeamTrack, SectionTrack
+from mcsettle.run import together
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
-from mcsettle.run.prefetch import Prefetch
+from mcsettle.run.together import own_step_a
 from mcsettle.step_a import transfer_cache, transfers
 from mcsettle.step_a.fem25d.equivalent_linear import softening_file
 from mcsettle.step_a.interaction import transfer_digest
@@ -27,43 +26,42 @@ pytestmark = pytest.mark.usefixtures("fresh_cache", "few_resamples")
 PROCESSES = True  # others go on with what is computed here
 
 
-@pytest.fixture
-def beams_too(monkeypatch):
-    monkeypatch.setattr(prefetch, "WORTHWHILE", BeamTrack)
-
-
 def test_sets_that_differ_in_loads_or_money_need_nothing_of_their_own():
     study = uncertain(LOAD, COST)
     shared_transfers = transfer_store(study)
     own = needs(study.scenes, shared_transfers)
     assert all(needs(member.study.scenes, shared_transfers) == own for member in all_sets(study))
-    assert (
-        Prefetch({m.index: m.study.scenes for m in all_sets(study)}, shared_transfers, 2).total == 0
-    )
+    assert not own_step_a(all_sets(study), shared_transfers)
 
 
-@pytest.mark.usefixtures("beams_too")
-def test_the_run_finds_what_was_computed_ahead(monkeypatch, tmp_path):
-    waves = {"window_m": 70.0, "shortest_m": 15.0, "longest_m": 30.0}
-    shallow = {"integration_depth_m": 1.0}
-    study = uncertain(
-        SPRING, profile=waves, settlement=shallow, run={"realisations": 3, "parameter_sets": 4}
-    )
+@pytest.mark.parametrize(("sort", "own"), [(SectionTrack, False), (BeamTrack, True)])
+def test_a_step_a_of_their_own_is_worth_processes_where_it_takes_long(monkeypatch, sort, own):
+    monkeypatch.setattr(together, "SectionTrack", sort)
+    study = uncertain(SPRING)
     members = all_sets(study)
-    shared_transfers = transfer_store(study)
-    with Prefetch({m.index: m.study.scenes for m in members}, shared_transfers, 2) as window:
-        assert window.total == 4
-        assert len(window.running) == 3  # no more than are soon wanted
-        for member in members:
-            window.wait(member.index)
-    assert (window.done, window.running, window.left) == (4, {}, [])
-    with monkeypatch.context() as patch:  # all of it is in the cache folder
-        patch.setattr(transfer_cache, "precompute", None)
-        for member in members:
-            transfers.step_a(member.study.scenes, store=shared_transfers)
-    run_study(study, tmp_path / "two", RunOptions(processes=2))
-    run_study(study, tmp_path / "one", RunOptions(processes=1))
-    assert everything(tmp_path / "two") == everything(tmp_path / "one")
+    assert own_step_a(members, transfer_store(study)) is own
+    assert not own_step_a(members[:1], transfer_store(study))
+    assert not own_step_a(members, None)
+
+
+def test_parameter_sets_by_two_processes_have_the_same_bytes(tmp_path, monkeypatch):
+    """Each set has a Step A of its own in one study, and rows of its own in no set of the other."""
+    waves = {"window_m": 70.0, "shortest_m": 15.0, "longest_m": 30.0}
+    few = {"realisations": 3, "parameter_sets": 5}
+    shallow = {"integration_depth_m": 1.0}
+    told: list[tuple[str, int, int]] = []
+    for entry, own in ((SPRING, 5), (COST, 1)):
+        study = uncertain(entry, profile=waves, settlement=shallow, run=few)
+        alone = run_study(study, tmp_path / f"{own} alone", RunOptions(processes=1))
+        with monkeypatch.context() as patch:
+            patch.setattr(together, "WORTHWHILE", 1)
+            options = RunOptions(processes=2)
+            both = run_study(
+                study, tmp_path / f"{own} both", options, lambda *line: told.append(line)
+            )
+        assert everything(both.folder) == everything(alone.folder)
+        assert both.remarks == alone.remarks
+        assert ("Parameter sets", own, own) in told
 
 
 def test_softened_grounds_that_are_at_hand_start_no_process(monkeypatch):
@@ -96,25 +94,3 @@ def test_softened_grounds_that_are_at_hand_start_no_process(monkeypatch):
         path.unlink()
     with pytest.raises(TypeError):
         transfers._soften_ahead(scenes, TransferStore(), silent, 2)
-
-
-class _Failed:
-    def __init__(self, error):
-        self.error = error
-
-    def result(self):
-        raise self.error
-
-    def cancel(self):
-        return True
-
-
-def test_a_set_that_fails_ahead_is_left_to_the_run():
-    window = Prefetch({}, TransferStore(), 2)
-    window.running = {k: _Failed(NumericalError("no softening")) for k in range(3)}
-    window.wait(1)  # set 0 was passed: its rows were there
-    assert list(window.running) == [2]
-    assert window.done == 1
-    window.running[2].error = ValueError("a mistake in the program")
-    with pytest.raises(ValueError, match="mistake"):
-        window.wait(2)
