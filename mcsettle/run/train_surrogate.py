@@ -48,7 +48,7 @@ from mcsettle.study.candidates import Candidates
 from mcsettle.types import Progress, silent
 
 FIRST = 3  # sets that are computed before errors are estimated, and as many more for each input
-STEP = 6  # further sets at a time
+STEP = 6  # further sets at a time, at least; a quarter of those that there are
 BOTH = 3  # every third set has the grounds of the lowest speeds, too
 FEWEST = 3  # sets to learn from
 OUTSIDE = 0.002  # share of the sets that may be beyond the tolerance at the end
@@ -97,20 +97,21 @@ def _trained(
         groups = surrogates_of(state)
         predictor, worst = _assessed(state, groups, tolerance)
         # A set beyond the tolerance takes less to learn from than to compute at every speed.
-        further = worst[:STEP] if worst else _most_telling(state, groups)
+        n = max(STEP, len(state.chosen) // 4)
+        further = worst[:n] if worst else _most_telling(state, groups, n)
         further = _affordable(state, further, most_grounds - state.n_grounds)
         if predictor.training.met or not further:
             return predictor, groups
         _compute(state, _planned(state, further), processes, progress)
 
 
-def _most_telling(state: Learning, groups: Sequence[Learned]) -> list[int]:
-    """Next sets to learn from: those that tell most of all."""
+def _most_telling(state: Learning, groups: Sequence[Learned], n: int) -> list[int]:
+    """Next ``n`` sets to learn from: those that tell most of all."""
     unknown = [
         surrogate.levels[0].kriging.covariance(family.points) for (family, surrogate), *_ in groups
     ]
     tried = [*state.chosen, *state.refused]
-    return most_telling(np.sum(unknown, axis=0), tried, STEP)
+    return most_telling(np.sum(unknown, axis=0), tried, n)
 
 
 def _planned(state: Learning, sets: Sequence[int]) -> list[tuple[int, bool]]:

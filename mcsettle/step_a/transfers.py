@@ -203,7 +203,7 @@ def section_settings(
         return None
     max_speed, max_omega = 25.0 * math.ceil(speed / 25.0), 20.0 * math.ceil(omega / 20.0)
     if many_grounds:
-        return many_grounds_settings(max_speed, max_omega)
+        return many_grounds_settings(max_speed, max_omega, softened is not None)
     return Settings(
         max_speed=max_speed, max_omega=max_omega, held_out=1 if softened else default.held_out
     )
