@@ -18,6 +18,7 @@ TOLERANCE = 1e-5  # of these days
 LEVEL = 0.95
 
 Transfers = Mapping[tuple[str, str], tuple[TransferFunctions, ...]]
+Days = dict[tuple[str, str], np.ndarray]  # by variant and scenario, of each track
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,27 +43,26 @@ class Quantiles:
     points_p95: float
 
 
-def left_out(
-    scenes: Sequence[Scene], exact: Transfers, predicted: Transfers, deviation: float, baseline: str
-) -> LeftOut:
-    """Days of the same tracks by exact and by predicted transfer functions.
+def left_out(exact: Days, predicted: Days, deviation: float, baseline: str) -> LeftOut:
+    """Errors of days of the same tracks by predicted transfer functions.
 
     ``baseline``: scenario with which effects compare the others of its variant.
     """
     days, points = [], []
-    intervals: dict[tuple[str, str], np.ndarray] = {}
-    for scene in scenes:
-        pair = scene.variant, scene.scenario
-        if pair in exact:
-            both = np.stack([intervals_of(scene, exact), intervals_of(scene, predicted)])
-            intervals[pair] = both
-            days.append(100.0 * np.abs(both[1] / both[0] - 1.0))
-    for (variant, scenario), both in intervals.items():
-        base = intervals.get((variant, baseline))
+    both = {pair: np.stack([exact[pair], predicted[pair]]) for pair in exact}
+    for (variant, scenario), of_pair in both.items():
+        days.append(100.0 * np.abs(of_pair[1] / of_pair[0] - 1.0))
+        base = both.get((variant, baseline))
         if base is not None and scenario != baseline:
-            reduction = 100.0 * (1.0 - both / base)
+            reduction = 100.0 * (1.0 - of_pair / base)
             points.append(np.abs(reduction[1] - reduction[0]))
     return LeftOut(deviation, _finite(days), _finite(points))
+
+
+def days_of(scenes: Sequence[Scene], transfers: Transfers) -> Days:
+    """Days to the limit in every scene that has ``transfers``."""
+    pairs = {(scene.variant, scene.scenario): scene for scene in scenes}
+    return {pair: intervals_of(pairs[pair], transfers) for pair in pairs if pair in transfers}
 
 
 def intervals_of(scene: Scene, transfers: Transfers, tracks: range = TRACKS) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mcsettle.railway.scene import Scene
+from mcsettle.run.left_out import Days
 from mcsettle.run.surrogate import Label, Passage
 from mcsettle.run.training_grounds import Learnt, training_grounds
 from mcsettle.step_a.kriging import Kriging, fitted, remainder
@@ -44,7 +45,8 @@ Learned = list[tuple[Family, Surrogate]]  # families with the same points
 class Learning:
     """State of a training: candidates, what is computed of them, in the order chosen.
 
-    ``families`` by points that they have in common; ``refused``: sets that cannot be computed.
+    ``families`` by points that they have in common; ``refused``: sets that cannot be computed; ``days``
+    of those that can.
     """
 
     store: TransferStore
@@ -58,6 +60,7 @@ class Learning:
     refused: list[int] = field(default_factory=list)
     both: list[int] = field(default_factory=list)
     learnt: dict[int, Learnt] = field(default_factory=dict)
+    days: dict[int, Days] = field(default_factory=dict)
 
     @property
     def n_grounds(self) -> int:
@@ -166,19 +169,18 @@ def weights_left_out(
 ) -> tuple[tuple[list[np.ndarray], list[np.ndarray]], list[float]]:
     """Weights of each level with a training set and without it, and SDs of the error without it.
 
-    Where nothing is known of what its softening changes, both predict that alike.
+    Where nothing is known of what its softening changes, both are without that.
     """
     candidate = state.chosen[position]
     known, left, sds = [], [], []
     for sets, level in zip((state.chosen, state.both), surrogate.levels, strict=False):
-        kriging, point = level.kriging, family.points[candidate][None]
-        if candidate in sets:
-            row = sets.index(candidate)
-            weights, deviations = (a[row] for a in kriging.left_out())
-            known.append(np.eye(len(sets))[row])
-        else:
-            weights, deviations = kriging.weights(point)[0], kriging.deviations(point)[0]
-            known.append(weights)
+        if candidate not in sets:
+            known.append(np.zeros(len(sets)))
+            left.append(np.zeros(len(sets)))
+            continue
+        row = sets.index(candidate)
+        weights, deviations = (a[row] for a in level.kriging.left_out())
+        known.append(np.eye(len(sets))[row])
         left.append(weights)
         sds.append(level.remainder * float(deviations))
     return (known, left), sds

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mcsettle.run.code_digest import code_digest
-from mcsettle.run.left_out import LeftOut, errors_per_deviation, left_out, quantiles
+from mcsettle.run.left_out import LeftOut, days_of, errors_per_deviation, left_out, quantiles
 from mcsettle.run.surrogate import (
     Expected,
     GroundPredictor,
@@ -281,12 +281,15 @@ def _left_out(
         deviation = max(deviation, float(np.linalg.norm(sds)))
         passage = state.passages[candidate][family.place]
         for of_label, of_levels in zip(transfers, weights, strict=True):
+            if of_label is transfers[0] and candidate in state.days:
+                continue
             transfer = surrogate.combined(
                 of_levels, passage.scene, passage.service, passage.ground.track, ""
             )
             of_label |= dict.fromkeys(family.labels, transfer)
-    exact, predicted = (_by_scene(of_label) for of_label in transfers)
-    return left_out(state.scenes[candidate], exact, predicted, deviation, state.baseline)
+    scenes = state.scenes[candidate]
+    exact, predicted = (days_of(scenes, _by_scene(of_label)) for of_label in transfers)
+    return left_out(state.days.setdefault(candidate, exact), predicted, deviation, state.baseline)
 
 
 def _by_scene(
