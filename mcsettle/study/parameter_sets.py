@@ -44,10 +44,12 @@ class ParameterSet:
         return self.study.scenes
 
     def with_values(self, values: dict[str, float]) -> "ParameterSet":
-        """The set with some of its drawn values replaced."""
+        """The set with some of its drawn values replaced; what is no input of the study stays."""
         assert self.drawn_from is not None
         replaced = self.values | values
-        return replace(self, values=replaced, study=self.drawn_from.with_inputs(replaced))
+        drawn = {path for entry in self.drawn_from.uncertain for path in entry.paths}
+        inputs = {path: value for path, value in replaced.items() if path in drawn}
+        return replace(self, values=replaced, study=self.drawn_from.with_inputs(inputs))
 
 
 def unit_draws(study: Study, n_sets: int | None = None) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy import LOAD, N0, SPRING, everything, table, uncertain
+from toy import FITTED, INTERVAL, LOAD, N0, SPRING, everything, table, uncertain
 
 from mcsettle.errors import NumericalError
 from mcsettle.run import left_out, train_surrogate
@@ -87,6 +87,14 @@ def test_days_of_predicted_sets_are_those_of_computed_ones(study, folder, tmp_pa
     assert predicted.any()
     assert np.all(apart[~predicted] == 0.0)
     assert COLUMN not in exact.columns
+
+
+def test_a_set_with_an_error_takes_the_factor_that_it_fits():
+    member = all_sets(uncertain(SPRING, FITTED, observed=[INTERVAL]))[0]
+    member = replace(member, values=member.values | {ERROR: 0.1})
+    fitted = member.with_values({FITTED["input"]: 20.0})
+    assert fitted.values == member.values | {FITTED["input"]: 20.0}
+    assert fitted.study.settlement.settlement_factor == 20.0
 
 
 def test_every_set_says_what_it_had(study, store, folder):
