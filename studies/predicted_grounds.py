@@ -1,6 +1,6 @@
 """How well predicted grounds do, and what they save: 1000 softened grounds × 64 tracks × 4 speeds.
 
-    python studies/predicted_grounds.py --out results/predicted_grounds --held-out 20
+    OPENBLAS_NUM_THREADS=1 python studies/predicted_grounds.py --out results/predicted_grounds --held-out 20
 
 The study is linespeed_ground.toml on soil that softens, with ``[step_a] surrogate = true``. Without
 MCSETTLE_CACHE it has an empty cache folder beside the results, so that nothing is known before. Printed:
@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mcsettle.kernels import runtime
 from mcsettle.railway.scene import Scene
 from mcsettle.run.left_out import intervals_of
 from mcsettle.run.options import RunOptions
@@ -50,6 +51,7 @@ def main() -> None:
     os.environ.setdefault("MCSETTLE_CACHE", str(arguments.out / "cache"))
     study = _study(arguments.sets, arguments.most_grounds, arguments.tolerance_points)
     started = time.monotonic()
+    runtime.running(1 if arguments.processes > 1 else None)  # as the run has it
     store = transfer_store(study)
     training = set_predictor(candidates_of(study), store, arguments.processes, _said)
     assert training is not None

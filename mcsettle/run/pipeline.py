@@ -144,6 +144,9 @@ def prepare(
     )
     training = None
     if run.transfers is not None and run.predicts_grounds:
+        if start:  # learning runs tracks, too, and Taichi keeps the threads it starts with
+            shared = options.processes > 1 and run.stepping == "cycle_jump"
+            runtime.running(1 if shared else options.threads)
         candidates = candidates_of(study)
         training = set_predictor(candidates, run.transfers, options.processes, progress)
         run = replace(run, sets=with_errors(run.sets, run.transfers))
