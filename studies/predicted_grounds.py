@@ -1,6 +1,6 @@
 """How well predicted grounds do, and what they save: 1000 softened grounds × 64 tracks × 4 speeds.
 
-    OPENBLAS_NUM_THREADS=1 python studies/predicted_grounds.py --out results/predicted_grounds --held-out 20
+    OPENBLAS_NUM_THREADS=1 python studies/predicted_grounds.py --held-out 20
 
 The study is linespeed_ground.toml on soil that softens, with ``[step_a] surrogate = true``. Without
 MCSETTLE_CACHE it has an empty cache folder beside the results, so that nothing is known before. Printed:
