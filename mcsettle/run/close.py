@@ -5,6 +5,7 @@ follow from the study.
 """
 
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from mcsettle.storage.location import Place, Where, place
 from mcsettle.storage.manifest import MANIFEST
 from mcsettle.storage.provenance import Provenance, read_provenance
 from mcsettle.storage.shard_name import ShardName
+from mcsettle.study.parameter_sets import ParameterSet
 from mcsettle.study.run_inputs import RunInputs, run_inputs
 from mcsettle.summary.courses import courses
 from mcsettle.summary.results import CENSORED, INTERVAL, read_results, study_of
@@ -76,7 +78,7 @@ def close(
     """Write the tables that follow from whole shards, and the manifest, last; returns remarks.
 
     ``prepared``: Step A of the central set; None: from the cache folder, or computed where needed.
-    ``processes`` share the work on the table ``sign_split``.
+    ``processes`` share the work on the tables ``effects`` and ``sign_split``.
     """
     at.remove(MANIFEST)
     at.sweep()
@@ -86,7 +88,7 @@ def close(
     fits = read_fits(at, run)
     run = with_fits(run, fits)
     _write_parameters(at, run, provenance)
-    _write_effects(at, run, shards, provenance)
+    _write_effects(at, run, shards, provenance, processes)
     remarks = _write_weights(at, run, fits, provenance)
     write_sign_split(at, run, provenance, prepared, processes)
     _write_summary(at, run, provenance)
@@ -149,12 +151,23 @@ def _write_weights(
     return [f"{one.variant}: {one.remark}" for one in conditionings if one.remark]
 
 
-def _write_effects(at: Place, run: RunInputs, shards: list[Shard], provenance: Provenance) -> None:
+def _write_effects(
+    at: Place, run: RunInputs, shards: list[Shard], provenance: Provenance, processes: Together
+) -> None:
     """Pair every scenario with its baselines, shard by shard: no more is held."""
-    if not run.effects:
-        return
+    if run.effects:
+        of_sets = groupby(shards, key=lambda shard: shard.member)
+        processes.map(
+            _write_effects_of_set,
+            [(at, run.sets[k], list(of_set), provenance, run.currency) for k, of_set in of_sets],
+        )
+
+
+def _write_effects_of_set(
+    at: Place, member: ParameterSet, shards: list[Shard], provenance: Provenance, currency: str
+) -> None:
+    """The effects of one parameter set."""
     for shard in shards:
-        member = run.sets[shard.member]
         effects = [e for e in member.study.effects.values() if e.scenario == shard.scenario]
         if effects:
             days = _days(at, shard, provenance)
@@ -165,7 +178,7 @@ def _write_effects(at: Place, run: RunInputs, shards: list[Shard], provenance: P
                 rows = columns.effect_columns(member, shard.variant, shard.indices, effect, pairs)
                 paired.append(rows)
             table, ends = columns.joined(paired), (shard.first, shard.last)
-            store.write(at, "effects", shard.name, table, provenance, *ends, run.currency)
+            store.write(at, "effects", shard.name, table, provenance, *ends, currency)
 
 
 def _days(at: Place, shard: Shard, provenance: Provenance) -> columns.Days:
