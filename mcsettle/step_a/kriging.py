@@ -23,6 +23,7 @@ LENGTHS = tuple(float(length) for length in 2.0 ** np.arange(-1.0, 6.0))  # SDs 
 FIRST_LENGTH = 4.0
 SWEEPS = 3  # over the inputs, at most
 DEGREES = (0, 1, 2)
+CONSTANT: tuple[tuple[int, ...], ...] = ((),)  # the trend of degree 0
 FEWEST = 1.5  # points for each term of a trend
 SPREAD_LENGTH = 2.5  # SDs of an input
 SPREAD_NUGGET = 3e-3  # of the mean variance: so that points side by side teach little
