@@ -9,7 +9,7 @@ from mcsettle.railway.scene import Scene
 from mcsettle.run.left_out import Days
 from mcsettle.run.surrogate import Label, Passage
 from mcsettle.run.training_grounds import Learnt, training_grounds
-from mcsettle.step_a.kriging import CONSTANT, Kriging, conditioned, fitted, remainder
+from mcsettle.step_a.kriging import Kriging, fitted, remainder
 from mcsettle.step_a.surrogate import (
     Arrays,
     Inputs,
@@ -130,11 +130,7 @@ def _fitted(
         if grams:
             gram, points = np.sum(grams, axis=0), families[0].points[sets]
             # A third of the points says too little of lengths: those of the first level serve both.
-            krigings.append(
-                conditioned(points, krigings[0].lengths, CONSTANT)
-                if krigings
-                else fitted(points, gram)
-            )
+            krigings.append(fitted(points, gram, krigings[0].lengths if krigings else None))
             sizes.append(remainder(krigings[-1], gram))
     return [(k, size / max(sizes[0], 1e-300)) for k, size in zip(krigings, sizes, strict=True)]
 

@@ -23,7 +23,6 @@ LENGTHS = tuple(float(length) for length in 2.0 ** np.arange(-1.0, 6.0))  # SDs 
 FIRST_LENGTH = 4.0
 SWEEPS = 3  # over the inputs, at most
 DEGREES = (0, 1, 2)
-CONSTANT: tuple[tuple[int, ...], ...] = ((),)  # the trend of degree 0
 FEWEST = 1.5  # points for each term of a trend
 SPREAD_LENGTH = 2.5  # SDs of an input
 SPREAD_NUGGET = 3e-3  # of the mean variance: so that points side by side teach little
@@ -82,8 +81,10 @@ class Kriging:
         return weights, 1.0 / np.sqrt(own)
 
 
-def fitted(points: np.ndarray, gram: np.ndarray) -> Kriging:
+def fitted(points: np.ndarray, gram: np.ndarray, lengths: np.ndarray | None = None) -> Kriging:
     """Kriging of outputs with inner products ``gram`` [N, N] at ``points`` [N, D].
+
+    ``lengths`` [D] of correlation, where they are known.
 
     Raises
     ------
@@ -97,7 +98,11 @@ def fitted(points: np.ndarray, gram: np.ndarray) -> Kriging:
         terms = independent(points, all_terms(points.shape[1], degree))
         if degree > 0 and FEWEST * len(terms) > len(points):
             continue
-        loss, kriging = _lengths_of_least_error(points, gram, terms)
+        if lengths is None:
+            loss, kriging = _lengths_of_least_error(points, gram, terms)
+        else:
+            kriging = conditioned(points, lengths, terms)
+            loss = float(np.mean(left_out_errors(kriging, gram)))
         if best is None or loss < best[0]:
             best = loss, kriging
     assert best is not None
