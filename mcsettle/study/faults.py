@@ -44,8 +44,15 @@ def faults_of(error: ValidationError, model: type[BaseModel]) -> list[Fault]:
     return [
         _fault(entry, model)
         for entry in entries
-        if entry["type"] != "missing" or entry["loc"] not in meant
+        if not (entry["type"] == "missing" and entry["loc"] in meant)
+        and not _short_by_faults(entry)
     ]
+
+
+def _short_by_faults(entry: Any) -> bool:
+    """Whether a list is too short only because its faulty entries, told themselves, do not count."""
+    long_enough = entry.get("ctx", {}).get("min_length", 0)
+    return entry["type"] == "too_short" and len(entry["input"]) >= long_enough
 
 
 def dotted(location: Iterable[str | int]) -> str:

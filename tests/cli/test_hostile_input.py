@@ -312,7 +312,7 @@ REFUSED = {
     "brackets": "nested too deeply",
     "tables": "60000 keys; at most 1000",
     "keys": "60000 keys; at most 1000",
-    "scenarios": "120004 faults",
+    "scenarios": "120003 faults",
     "inline": "nested too deeply",
     "headings": "more than 12 tables in one another",
     "trains": "20000 keys; at most 1000",

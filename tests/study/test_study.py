@@ -173,6 +173,15 @@ def test_a_faulty_scenario_is_not_also_called_unknown() -> None:
     assert "1 fault" in message
 
 
+def test_a_list_with_a_faulty_entry_is_not_also_called_empty() -> None:
+    message = refusal(
+        changed(("scenarios.0.timetable.0.speed_kmh", "fast"), ("scenarios.1.timetable", []))
+    )
+    assert "2 faults" in message
+    assert "scenarios[1].timetable: is empty" not in message
+    assert "scenarios[2].timetable: is empty" in message
+
+
 def test_message_fits_one_screen() -> None:
     message = refusal(changed(*((f"key{i}", i) for i in range(100))))
     assert len(message.splitlines()) <= 24
