@@ -1,27 +1,25 @@
 """Realisations advanced passage by passage: a launch of updates on tiles of lanes, second-order form.
 
-Coefficients are the same in every lane; layout, vectorisation and precision as in the spectral module.
+Coefficients are the same in every lane: those of the groups are added up once for every update, before
+any tile needs them. Layout, vectorisation and precision as in the spectral module.
 """
 
 from mcsettle.kernels.backend import ti
-from mcsettle.kernels.spectral import ROWS, product, step_on
+from mcsettle.kernels.spectral import ROWS, product, step_on, times
 from mcsettle.kernels.varying import keep_half, raise_mean, spread
 
 
 @ti.kernel
 def burst(
-    axle: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] form of each passage, in order
-    weight: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [N, G] growth of the cycle functions
+    load: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] form of each update, in order
+    weight: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [N, 1 + F, G] growth of the cycle functions
     form: ti.types.ndarray(dtype=ti.f64, ndim=4),  # [A, G, K + P + M, 2]
     constant: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [A, G]
     mean: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [A, G, K]
-    sums: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [P, 2]
-    sum_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
-    diffs: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [M, 2]
-    diff_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
-    outer_sums: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [2 n_max + 1] beside the band
-    outer_diffs: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [2 n_max + 1]
-    multipliers: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [F, G] of the fields of susceptibility
+    joined: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [J, 3]
+    joined_start: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [2 n_max, 3]
+    single: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [S, 2]
+    single_start: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [2 n_max, 3]
     following: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [K] what the rail follows
     first: ti.i32,  # mode number of the band
     power_limit: ti.f64,  # 2 sd_limit²
@@ -31,72 +29,88 @@ def burst(
     alike: ti.template(),  # one field, the same in all groups
     varying: ti.template(),
     state: ti.template(),
+    c: ti.types.ndarray(ndim=2),  # [N (1 + F), 2 (K + P + M)] scratch: coefficients of each update
+    on_average: ti.types.ndarray(ndim=2),  # [N (1 + F), 1 + K], scratch
 ):
-    """Advance every active realisation by the given passages, one update each.
+    """Advance every active realisation by the given updates.
 
+    ``weight`` of an update: of all groups, then of those that each field of susceptibility multiplies.
     A realisation whose Σ|U|² reaches ``power_limit`` stops there: its ``factor`` falls to 0 and
     ``passages`` keeps the count.
     """
-    n_modes = sum_start.shape[0] - 1
+    n_modes = following.shape[0]
+    n_fields = weight.shape[1] - 1
     lanes = ti.static(state.v.shape[3])
+    for row in range(load.shape[0] * weight.shape[1]):
+        add_up(row, load, weight, form, constant, mean, n_groups, state, c, on_average)
     for tile in range(n_tiles):
         t = tile & (state.v.shape[0] - 1)
         state.d[t, 0, 0, 0] = state.v[t, 0, 0, 0]  # see the module's note on vectorisation
         re = ti.Vector.zero(state.d.dtype, lanes)
         im = ti.Vector.zero(state.d.dtype, lanes)
-        load = ti.Vector.zero(state.d.dtype, lanes)
+        total = ti.Vector.zero(state.d.dtype, lanes)
         raised = ti.Vector.zero(state.d.dtype, lanes)
-        for step in range(axle.shape[0]):
-            a = axle[step]
-            w = ti.Vector([weight[step, g] for g in ti.static(range(n_groups))])
-            # What settles whatever the profile.
-            c0 = common_constant(a, w, constant, n_groups)
+        for step in range(load.shape[0]):
+            row = step * (1 + n_fields)
             for lane in range(lanes):
-                state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * c0
+                total[lane] = on_average[row, 0]
             for mode in range(n_modes):
                 n = mode & ROWS
-                common_linear(t, a, n, w, form, mean, n_groups, state, re, im)
-                # Pairs of modes whose numbers add up to n, then those that differ by n.
-                for p in range(sum_start[n], sum_start[n + 1]):
-                    common_product(
-                        t, a, n_modes + p, p, sums, form, w, n_groups, False, state, re, im
-                    )
-                row = n_modes + sums.shape[0]
-                for p in range(diff_start[n], diff_start[n + 1]):
-                    common_product(t, a, row + p, p, diffs, form, w, n_groups, True, state, re, im)
+                begin_mode(t, row, n, c, on_average, state, total, re, im)
+                add_terms(
+                    t, row, first - 1 + n, n_modes, joined, joined_start, single, single_start, c,
+                    state, re, im,
+                )  # fmt: skip
                 for lane in range(lanes):
                     state.d[t, n, 0, lane] = re[lane]
                     state.d[t, n, 1, lane] = im[lane]
+            settle_uniformly(t, total, state)
             if ti.static(varies):
-                for f in range(multipliers.shape[0]):
-                    own = ti.Vector([w[g] * multipliers[f, g] for g in ti.static(range(n_groups))])
+                for f in range(n_fields):
                     common_half(
-                        t, a, first, n_modes, own, form, constant, mean, sums, sum_start,
-                        outer_sums, diffs, diff_start, outer_diffs, n_groups, alike, varying,
-                        state, load, re, im,
+                        t, row + 1 + f, first, n_modes, joined, joined_start, single, single_start,
+                        c, on_average, alike, varying, state, total, re, im,
                     )  # fmt: skip
                     for i in range(n_modes):
-                        spread(t, f, i, first, n_modes, varying, load, re, im)
+                        spread(t, f, i, first, n_modes, varying, total, re, im)
                         for lane in range(lanes):
                             state.d[t, i, 0, lane] = state.d[t, i, 0, lane] + re[lane]
                             state.d[t, i, 1, lane] = state.d[t, i, 1, lane] + im[lane]
                     raise_mean(t, f, varying, raised)
-                    for lane in range(lanes):
-                        state.uniform[t, lane] = (
-                            state.uniform[t, lane] + state.factor[t, lane] * raised[lane]
-                        )
+                    settle_uniformly(t, raised, state)
             step_on(t, n_modes, power_limit, following, state)
             if ti.static(state.v.dtype != state.u.dtype):
                 take_copy(t, n_modes, state)
 
 
 @ti.func
-def common_constant(a: int, w: ti.template(), constant: ti.template(), n_groups: ti.template()):
-    """What settles whatever the profile, at a factor of one."""
-    c0 = 0.0
+def add_up(
+    row: int, load: ti.template(), weight: ti.template(), form: ti.template(),
+    constant: ti.template(), mean: ti.template(), n_groups: ti.template(), state: ti.template(),
+    c: ti.template(), on_average: ti.template(),
+):  # fmt: skip
+    """Add up the coefficients of the groups, those of row ``row`` of the weights of all updates."""
+    step = row // weight.shape[1]
+    part = row % weight.shape[1]
+    a = load[step]
+    w = ti.Vector([weight[step, part, g] for g in ti.static(range(n_groups))])
+    for i in range(form.shape[2]):
+        re = 0.0
+        im = 0.0
+        for g in ti.static(range(n_groups)):
+            re = re + w[g] * form[a, g, i, 0]
+            im = im + w[g] * form[a, g, i, 1]
+        c[row, 2 * i] = ti.cast(re, state.d.dtype)
+        c[row, 2 * i + 1] = ti.cast(im, state.d.dtype)
+    whole = 0.0
     for g in ti.static(range(n_groups)):
-        c0 = c0 + w[g] * constant[a, g]
-    return c0
+        whole = whole + w[g] * constant[a, g]
+    on_average[row, 0] = ti.cast(whole, state.d.dtype)
+    for k in range(mean.shape[2]):
+        of_mode = 0.0
+        for g in ti.static(range(n_groups)):
+            of_mode = of_mode + w[g] * mean[a, g, k]
+        on_average[row, 1 + k] = ti.cast(of_mode, state.d.dtype)
 
 
 @ti.func
@@ -109,116 +123,119 @@ def take_copy(t: int, n_modes: int, state: ti.template()):
 
 
 @ti.func
-def linear_coefficients(
-    a: int, n: int, w: ti.template(), form: ti.template(), mean: ti.template(),
-    n_groups: ti.template(),
+def begin_mode(
+    t: int, row: int, n: int, c: ti.template(), on_average: ti.template(), state: ti.template(),
+    total: ti.template(), re: ti.template(), im: ti.template(),
 ):  # fmt: skip
-    """Of mode n at a passage: the linear part, real and imaginary, and what it adds to the average."""
-    ca = 0.0
-    cb = 0.0
-    cg = 0.0
-    for g in ti.static(range(n_groups)):
-        ca = ca + w[g] * form[a, g, n, 0]
-        cb = cb + w[g] * form[a, g, n, 1]
-        cg = cg + w[g] * mean[a, g, n]
-    return ca, cb, cg
-
-
-@ti.func
-def common_linear(
-    t: int, a: int, n: int, w: ti.template(), form: ti.template(), mean: ti.template(),
-    n_groups: ti.template(), state: ti.template(), re: ti.template(), im: ti.template(),
-):  # fmt: skip
-    """Begin the growth of mode n with its linear part; add what it settles uniformly."""
-    ca, cb, cg = linear_coefficients(a, n, w, form, mean, n_groups)
-    la = ti.cast(ca, state.d.dtype)
-    lb = ti.cast(cb, state.d.dtype)
+    """The linear part of what settles at mode n; ``total`` gains what the mode adds to the average."""
+    a = c[row, 2 * n]
+    b = c[row, 2 * n + 1]
+    g = on_average[row, 1 + n]
     for lane in range(state.v.shape[3]):
         x = state.v[t, n, 0, lane]
         y = state.v[t, n, 1, lane]
-        re[lane] = la * x - lb * y
-        im[lane] = la * y + lb * x
-        state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * cg * (
-            x * x + y * y
-        )
+        re[lane] = a * x - b * y
+        im[lane] = a * y + b * x
+        total[lane] = total[lane] + g * (x * x + y * y)
 
 
 @ti.func
-def common_product(
-    t: int, a: int, row: int, p: int, pairs: ti.template(), form: ti.template(), w: ti.template(),
-    n_groups: ti.template(), conjugate: ti.template(), state: ti.template(),
+def add_terms(
+    t: int, row: int, wave: int, n_modes: int, joined: ti.template(), joined_start: ti.template(),
+    single: ti.template(), single_start: ti.template(), c: ti.template(), state: ti.template(),
     re: ti.template(), im: ti.template(),
 ):  # fmt: skip
+    """Add the products of pairs of modes that settle at mode number ``wave`` + 1."""
+    v = ti.static(state.v)
+    middle = joined_start[wave, 1]
+    for p in range(joined_start[wave, 0], middle):
+        add_joined(t, row, n_modes, p, joined, c, False, v, re, im)
+    for p in range(middle, joined_start[wave, 2]):
+        add_joined(t, row, n_modes, p, joined, c, True, v, re, im)
+    q = n_modes + 2 * joined.shape[0]
+    middle = single_start[wave, 1]
+    for p in range(single_start[wave, 0], middle):
+        add_single_pair(t, row, q, p, single, c, False, v, re, im)
+    for p in range(middle, single_start[wave, 2]):
+        add_single_pair(t, row, q, p, single, c, True, v, re, im)
+
+
+@ti.func
+def add_joined(
+    t: int, row: int, n_modes: int, p: int, joined: ti.template(), c: ti.template(),
+    conjugate: ti.template(), v: ti.template(), re: ti.template(), im: ti.template(),
+):  # fmt: skip
+    """Add two products that share a mode (mcsettle.step_b.mode_pairs), one coefficient for all lanes."""
+    shared = joined[p, 0] & ROWS
+    i = joined[p, 1] & ROWS
+    j = joined[p, 2] & ROWS
+    at = 2 * n_modes + 4 * p
+    a0 = c[row, at]
+    a1 = c[row, at + 1]
+    b0 = c[row, at + 2]
+    b1 = c[row, at + 3]
+    for lane in range(v.shape[3]):
+        qr, qi = times(a0, a1, t, i, lane, conjugate, v)
+        rr, ri = times(b0, b1, t, j, lane, False, v)
+        x = v[t, shared, 0, lane]
+        y = v[t, shared, 1, lane]
+        re[lane] = re[lane] + (x * (qr + rr) - y * (qi - ri))
+        im[lane] = im[lane] + (x * (qi + ri) + y * (qr - rr))
+
+
+@ti.func
+def add_single_pair(
+    t: int, row: int, q: int, p: int, single: ti.template(), c: ti.template(),
+    conjugate: ti.template(), v: ti.template(), re: ti.template(), im: ti.template(),
+):  # fmt: skip
     """Add a product of two modes, its coefficient the same in every lane."""
-    i = pairs[p, 0] & ROWS
-    j = pairs[p, 1] & ROWS
-    ta = 0.0
-    tb = 0.0
-    for g in ti.static(range(n_groups)):
-        ta = ta + w[g] * form[a, g, row, 0]
-        tb = tb + w[g] * form[a, g, row, 1]
-    pa = ti.cast(ta, state.d.dtype)
-    pb = ti.cast(tb, state.d.dtype)
+    i = single[p, 0] & ROWS
+    j = single[p, 1] & ROWS
+    a = c[row, 2 * (q + p)]
+    b = c[row, 2 * (q + p) + 1]
+    for lane in range(v.shape[3]):
+        x, y = product(t, i, j, lane, conjugate, v)
+        re[lane] = re[lane] + (a * x - b * y)
+        im[lane] = im[lane] + (a * y + b * x)
+
+
+@ti.func
+def settle_uniformly(t: int, amount: ti.template(), state: ti.template()):
+    """Add what settles on average."""
     for lane in range(state.v.shape[3]):
-        xr, xi = product(t, i, j, lane, conjugate, state.v)
-        re[lane] = re[lane] + (pa * xr - pb * xi)
-        im[lane] = im[lane] + (pa * xi + pb * xr)
+        state.uniform[t, lane] = state.uniform[t, lane] + state.factor[t, lane] * amount[lane]
 
 
 @ti.func
 def common_half(
-    t: int, a: int, first: int, n_modes: int, w: ti.template(), form: ti.template(),
-    constant: ti.template(), mean: ti.template(), sums: ti.template(), sum_start: ti.template(),
-    outer_sums: ti.template(), diffs: ti.template(), diff_start: ti.template(),
-    outer_diffs: ti.template(), n_groups: ti.template(), alike: ti.template(),
-    varying: ti.template(), state: ti.template(), load: ti.template(),
-    re: ti.template(), im: ti.template(),
+    t: int, row: int, first: int, n_modes: int, joined: ti.template(),
+    joined_start: ti.template(), single: ti.template(), single_start: ti.template(),
+    c: ti.template(), on_average: ti.template(), alike: ti.template(), varying: ti.template(),
+    state: ti.template(), total: ti.template(), re: ti.template(), im: ti.template(),
 ):  # fmt: skip
-    """Half of what settles under the groups of a field, wave by wave, and on average; weights ``w``."""
+    """Half of what settles under the groups of a field, wave by wave, and on average."""
     lanes = ti.static(state.v.shape[3])
-    row = n_modes + sums.shape[0]
-    c0 = common_constant(a, w, constant, n_groups)
     for lane in range(lanes):
-        load[lane] = ti.cast(c0, state.d.dtype)
+        total[lane] = on_average[row, 0]
     for mode in range(n_modes):
         n = mode & ROWS
-        common_load(t, a, n, w, form, mean, n_groups, state, load, re, im)
+        begin_mode(t, row, n, c, on_average, state, total, re, im)
         if ti.static(alike):  # the growth itself
             for lane in range(lanes):
                 re[lane] = state.d[t, n, 0, lane]
                 im[lane] = state.d[t, n, 1, lane]
         else:
-            for p in range(sum_start[n], sum_start[n + 1]):
-                common_product(t, a, n_modes + p, p, sums, form, w, n_groups, False, state, re, im)
-            for p in range(diff_start[n], diff_start[n + 1]):
-                common_product(t, a, row + p, p, diffs, form, w, n_groups, True, state, re, im)
+            add_terms(
+                t, row, first - 1 + n, n_modes, joined, joined_start, single, single_start, c,
+                state, re, im,
+            )  # fmt: skip
         keep_half(t, first - 1 + n, varying, re, im)
-    for wave in range(outer_sums.shape[0] - 1):
+    for wave in range(joined_start.shape[0]):
         if wave < first - 1 or wave >= first - 1 + n_modes:
             for lane in range(lanes):
                 re[lane] = 0.0
                 im[lane] = 0.0
-            for p in range(outer_sums[wave], outer_sums[wave + 1]):
-                common_product(t, a, n_modes + p, p, sums, form, w, n_groups, False, state, re, im)
-            for p in range(outer_diffs[wave], outer_diffs[wave + 1]):
-                common_product(t, a, row + p, p, diffs, form, w, n_groups, True, state, re, im)
+            add_terms(
+                t, row, wave, n_modes, joined, joined_start, single, single_start, c, state, re, im
+            )
             keep_half(t, wave, varying, re, im)
-
-
-@ti.func
-def common_load(
-    t: int, a: int, n: int, w: ti.template(), form: ti.template(), mean: ti.template(),
-    n_groups: ti.template(), state: ti.template(), load: ti.template(),
-    re: ti.template(), im: ti.template(),
-):  # fmt: skip
-    """The linear part of what settles at mode n, and what the mode adds to the average."""
-    ca, cb, cg = linear_coefficients(a, n, w, form, mean, n_groups)
-    la = ti.cast(ca, state.d.dtype)
-    lb = ti.cast(cb, state.d.dtype)
-    lg = ti.cast(cg, state.d.dtype)
-    for lane in range(state.v.shape[3]):
-        x = state.v[t, n, 0, lane]
-        y = state.v[t, n, 1, lane]
-        re[lane] = la * x - lb * y
-        im[lane] = la * y + lb * x
-        load[lane] = load[lane] + lg * (x * x + y * y)

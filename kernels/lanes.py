@@ -2,7 +2,8 @@
 
 Realisations that have reached the limit are taken out and the others moved together as soon as that
 empties a tile: tracks differ by a factor of four in how long they last, and idle lanes cost as much as
-busy ones. A lane's result does not depend on its place, so moving changes nothing.
+busy ones. The last tile becomes several small ones, so that no core waits for another. A lane's result
+does not depend on its place, so moving changes nothing.
 """
 
 from typing import Any
@@ -15,7 +16,8 @@ from mcsettle.kernels.burst import burst
 from mcsettle.kernels.spectral import CAPACITY, LANES, Tables, workspace
 from mcsettle.kernels.varying import fields_of, is_alike
 
-EMPTY = np.zeros(1, dtype=np.int32)
+KINDS = {"f64": np.float64, "f32": np.float32}
+ROOM = 1 << 20  # coefficients that one launch adds up: they stay in the processor's cache
 LAUNCH = 1e10  # floating-point operations in one launch: some tenths of a second on two cores
 
 
@@ -26,15 +28,14 @@ class March:
     ----------
     amplitudes : complex [R, K], m
     power_limit : 2 sd_limit², m²
-    tables : index tables of the pairs of modes
+    tables : index tables of the pairs of modes, in the band and, where there are fields, beside it
+    first : mode number of the band
     n_groups : settlement groups
     precision : "f64" or "f32"
     factor : [R] of each realisation's settlement; default 1
     following : [K] what the rail follows; default 1
     waves : [R, F M, 2] of the fields of susceptibility; default none
     multipliers : [F, G] of the fields in the groups
-    first : mode number of the band
-    outer : index tables of the pairs beside the band, where there are fields
     """
 
     def __init__(
@@ -42,25 +43,23 @@ class March:
         amplitudes: np.ndarray,
         power_limit: float,
         tables: Tables,
+        first: int,
         n_groups: int,
         precision: str = "f64",
         factor: np.ndarray | None = None,
         following: np.ndarray | None = None,
         waves: np.ndarray | None = None,
         multipliers: np.ndarray | None = None,
-        first: int = 1,
-        outer: Tables = (EMPTY, EMPTY),
     ) -> None:
         n_real, n_modes = amplitudes.shape
         if n_real > CAPACITY:
             raise ValueError(f"{n_real} realisations; at most {CAPACITY} in one batch")
         self.power_limit, self.tables, self.n_groups = power_limit, tables, n_groups
-        self.precision, self.lanes = precision, LANES[precision]
+        self.precision = precision
         self._factor = np.ones(n_real) if factor is None else np.asarray(factor, dtype=float)
         self.following = np.ones(n_modes) if following is None else following
         self.multipliers = np.zeros((1, n_groups)) if multipliers is None else multipliers
-        self._waves, self.first, self.outer = waves, first, outer
-        self.fields = self._workspace(n_modes)
+        self._waves, self.first = waves, first
         self._u = np.array(amplitudes, dtype=complex)
         self._active = np.sum(np.abs(amplitudes) ** 2, axis=1) < power_limit
         self._uniform = np.zeros(n_real)
@@ -86,23 +85,35 @@ class March:
             self._store()
             self._load(np.flatnonzero(self._active))
 
-    def _workspace(self, n_modes: int) -> Any:
+    def _workspace(self, n_real: int) -> Any:
+        """Room for so many realisations."""
+        few, n_modes = n_real <= LANES[self.precision], self._u.shape[1]
         n_rows = 0 if self._waves is None else self._waves.shape[1]
         n_waves = 2 * (self.first + n_modes - 1) if n_rows else 0
-        self.varying = fields_of(n_rows, n_waves, self.n_groups, self.precision)
-        return workspace(n_modes, self.n_groups, self.precision)
+        self.varying = fields_of(n_rows, n_waves, self.n_groups, self.precision, few)
+        return workspace(n_modes, self.n_groups, self.precision, few)
 
     def _launch(self, load: np.ndarray, weights: np.ndarray, *coefficients: np.ndarray) -> None:
-        w = self.fields
-        burst(
-            load, weights, *coefficients, *self.tables, *self.outer, self.multipliers,
-            self.following, self.first, self.power_limit, self.n_tiles, self.n_groups,
-            self._waves is not None, is_alike(self.multipliers), self.varying, w.state,
-        )  # fmt: skip
+        w, varies = self.fields, self._waves is not None
+        of_fields = weights[:, None, :] * self.multipliers if varies else weights[:, None][:, :0]
+        every = np.ascontiguousarray(np.concatenate([weights[:, None], of_fields], axis=1))
+        n_rows, n_parts, kind = coefficients[0].shape[2], every.shape[1], KINDS[self.precision]
+        at_once = max(ROOM // (2 * n_rows * n_parts), 1)
+        for begin in range(0, len(load), at_once):
+            here = slice(begin, begin + at_once)
+            n = len(load[here]) * n_parts
+            added = (
+                np.empty((n, length), kind) for length in (2 * n_rows, 1 + len(self.following))
+            )
+            burst(
+                load[here], every[here], *coefficients, *self.tables, self.following, self.first,
+                self.power_limit, self.n_tiles, self.n_groups, varies, is_alike(self.multipliers),
+                self.varying, w.state, *added,
+            )  # fmt: skip
 
     def burst_size(self) -> int:
         """Updates per launch, so that progress and Ctrl-C work."""
-        pairs = len(self.tables[0]) + len(self.tables[2])
+        pairs = 2 * len(self.tables[0]) + len(self.tables[2])
         return max(16, int(LAUNCH / (max(self.n_tiles, 1) * self.lanes * 16 * pairs)))
 
     def amplitudes(self) -> np.ndarray:
@@ -138,8 +149,9 @@ class March:
 
     def _load(self, rows: np.ndarray) -> None:
         """Put the realisations ``rows`` into lanes, in order."""
-        self._rows, w = rows, self.fields.state
-        self.fields.owner[:] = [self]
+        self._rows, self.fields = rows, self._workspace(len(rows))
+        w, self.fields.owner[:] = self.fields.state, [self]
+        self.lanes = w.u.shape[3]
         n_modes, u = self._u.shape[1], self._u[rows]
         room = np.zeros((len(rows), w.u.shape[1], 2))  # the field may hold more modes
         room[:, :n_modes, 0], room[:, :n_modes, 1] = u.real, u.imag
@@ -167,7 +179,7 @@ class March:
         """Bring the lanes' state back to their realisations."""
         rows, w = self._rows, self.fields.state
         self._check_owner()
-        values = np.moveaxis(w.u.to_numpy(), -1, 1).reshape(CAPACITY, -1, 2)
+        values = np.moveaxis(w.u.to_numpy(), -1, 1).reshape(w.u.shape[0] * self.lanes, -1, 2)
         values = values[: len(rows), : self._u.shape[1]]
         self._u[rows] = np.ascontiguousarray(values).view(complex)[..., 0]
         self._uniform[rows] = self._lanes(w.uniform)
@@ -179,7 +191,9 @@ class March:
 
     def _tiled(self, rows: np.ndarray) -> np.ndarray:
         """[A, …] to [tiles, …, lanes], zero where there is no realisation."""
-        full = np.zeros((CAPACITY, *rows.shape[1:]), dtype=rows.dtype)
+        full = np.zeros(
+            (self.fields.state.u.shape[0] * self.lanes, *rows.shape[1:]), dtype=rows.dtype
+        )
         full[: len(rows)] = rows
         tiles = full.reshape(-1, self.lanes, *rows.shape[1:])
         return np.ascontiguousarray(np.moveaxis(tiles, 1, -1))
@@ -205,10 +219,13 @@ class PointwiseMarch(March):
     def _copy(self, amplitudes: np.ndarray) -> None:
         """None: the kernel takes the state up anew for every passage."""
 
-    def _workspace(self, n_modes: int) -> Any:
+    def _workspace(self, n_real: int) -> Any:
+        """Room for CAPACITY realisations; the larger kernel is not compiled again for a few."""
         n_points = len(self.tables[6])
         n_factors = 0 if self._waves is None else self._waves.shape[1]
-        w = pointwise.workspace(n_modes, n_points, self.n_groups, self.precision, n_factors)
+        w = pointwise.workspace(
+            self._u.shape[1], n_points, self.n_groups, self.precision, n_factors
+        )
         w.scratch.own.fill(1.0)
         return w
 

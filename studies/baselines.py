@@ -17,8 +17,9 @@ from mcsettle.step_a.beam import beam_response
 from mcsettle.step_a.interaction import precompute
 from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_b import passage
+from mcsettle.step_b.mode_pairs import ModePairs, mode_pairs
 from mcsettle.step_b.settlement import cycle_increment, strain_scale
-from mcsettle.step_b.spectral import ModePairs, axle_form, growth, mode_pairs, tables, train_form
+from mcsettle.step_b.spectral import axle_form, growth, train_form
 from mcsettle.step_b.stress import DEVIATOR, mean_state
 from mcsettle.units import KMH
 
@@ -172,8 +173,9 @@ def numba_lanes(transfer, model, tracks):
 
     pairs, lanes = pairs_of(transfer), 64
     w = weights_of(model)[0]
-    packed = axle_form(transfer, 0, model, pairs).packed()
-    form = np.einsum("g,gcx->cx", w, packed)
+    forms = axle_form(transfer, 0, model, pairs)
+    every = np.concatenate([forms.linear, forms.sums, forms.differences], axis=1)
+    form = np.einsum("g,gcx->cx", w, np.stack([every.real, every.imag], axis=-1))
     n_tiles, n_modes = len(tracks) // lanes, tracks.shape[1]
     state = np.ascontiguousarray(
         np.stack([tracks.real, tracks.imag], -1)[: n_tiles * lanes]
@@ -217,7 +219,7 @@ def numba_lanes(transfer, model, tracks):
                         for lane in range(64):
                             u[t, n, c, lane] += d[n, c, lane]
 
-    args = tables(pairs)
+    args = pairs.sums, pairs.sum_start, pairs.differences, pairs.difference_start
 
     def advance() -> int:
         burst(state, 44, form, *args)

@@ -10,8 +10,8 @@ from mcsettle.railway.scene import Scene
 from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.railway.traffic import Timetable
 from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_b.mode_pairs import ModePairs, mode_pairs
 from mcsettle.step_b.passage import mode_numbers
-from mcsettle.step_b.spectral import ModePairs, mode_pairs
 
 
 @dataclass(frozen=True)

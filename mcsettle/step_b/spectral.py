@@ -22,53 +22,9 @@ import numpy as np
 
 from mcsettle.railway.settlement_model import SettlementModel
 from mcsettle.step_a.transfer import TransferFunctions
+from mcsettle.step_b.mode_pairs import ModePairs
 from mcsettle.step_b.settlement import strain_scale
 from mcsettle.step_b.stress import DEVIATOR, mean_state
-
-
-@dataclass(frozen=True)
-class ModePairs:
-    """Which pairs of modes feed which: rows sorted by target so that sums run over slices.
-
-    ``sums`` [P, 2] indices (i ≤ j) with n_i + n_j = n, ``sum_start`` [K + 1] first row of each target;
-    ``differences`` [M, 2] indices with n_i − n_j = n, ``difference_start`` [K + 1]. Behind the rows of
-    the band stand those of the mode numbers beside it: ``outer_sums`` and ``outer_differences``
-    [2 n_max + 1] first row of each mode number from 1, no rows in the band, nor where nobody asks.
-    """
-
-    sums: np.ndarray
-    sum_start: np.ndarray
-    differences: np.ndarray
-    difference_start: np.ndarray
-    outer_sums: np.ndarray
-    outer_differences: np.ndarray
-
-
-def mode_pairs(modes: np.ndarray, outer: bool = False) -> ModePairs:
-    """Pairs of the consecutive mode numbers ``modes`` [K] that couple into the band.
-
-    With ``outer`` those that couple into the mode numbers 1 … 2 n_max beside the band, too.
-    """
-    first, count = int(modes[0]), len(modes)
-    if not np.array_equal(modes, np.arange(first, first + count)):
-        raise ValueError("the modes of the band must be consecutive integers")
-
-    def sums(n: int) -> list[tuple[int, int]]:
-        partners = [(i, n - 2 * first - i) for i in range(count)]
-        return [(i, j) for i, j in partners if i <= j < count]
-
-    def differences(n: int) -> list[tuple[int, int]]:
-        return [(i, i - n) for i in range(count) if i - n >= 0]
-
-    every = range(1, 2 * (first + count - 1) + 1)
-    beside = [n for n in every if n not in modes] if outer else []
-    tables = []
-    for pairs in (sums, differences):
-        rows, start = _flatten([pairs(int(n)) for n in modes])
-        more, outer_start = _flatten([pairs(n) if n in beside else [] for n in every])
-        tables.append((np.concatenate([rows, more]), start, outer_start + start[-1]))
-    (s, s_start, s_outer), (d, d_start, d_outer) = tables
-    return ModePairs(s, s_start, d, d_start, s_outer, d_outer)
 
 
 @dataclass(frozen=True)
@@ -86,10 +42,11 @@ class SettlementForm:
     sums: np.ndarray
     differences: np.ndarray
 
-    def packed(self) -> np.ndarray:
-        """Coefficients as one real array [G, K + P + M, 2], the layout of the kernels."""
-        joined = np.concatenate([self.linear, self.sums, self.differences], axis=1)
-        return np.ascontiguousarray(np.stack([joined.real, joined.imag], axis=-1))
+    def packed(self, pairs: ModePairs) -> np.ndarray:
+        """Coefficients as one real array [G, K + P + M, 2] in the order of the kernels (``Terms``)."""
+        of_pairs = np.concatenate([self.sums, self.differences], axis=1)[:, pairs.terms.order]
+        every = np.concatenate([self.linear, of_pairs], axis=1)
+        return np.ascontiguousarray(np.stack([every.real, every.imag], axis=-1))
 
 
 def axle_form(
@@ -159,7 +116,7 @@ def fast_growth(
     weights: np.ndarray,
     pairs: ModePairs,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """``growth`` by the Taichi kernel; ``packed`` is ``form.packed()``."""
+    """``growth`` by the Taichi kernel; ``packed`` is ``form.packed(pairs)``."""
     from mcsettle.kernels import runtime, spectral
 
     runtime.start()
@@ -167,7 +124,9 @@ def fast_growth(
     u = np.ascontiguousarray(amplitudes).view(float).reshape(n, n_modes, 2)
     change, uniform = np.empty_like(u), np.empty(n)
     w = np.ascontiguousarray(weights, dtype=float)
-    spectral.evaluate_rates(u, w, packed, form.constant, form.mean, tables(pairs), change, uniform)
+    spectral.evaluate_rates(
+        u, w, packed, form.constant, form.mean, tables(pairs), pairs.first, change, uniform
+    )
     return change.view(complex)[..., 0], uniform
 
 
@@ -190,12 +149,8 @@ def stacked(forms: list[SettlementForm]) -> SettlementForm:
 
 def tables(pairs: ModePairs) -> tuple[np.ndarray, ...]:
     """The index tables in the order of the kernels' arguments."""
-    return (pairs.sums, pairs.sum_start, pairs.differences, pairs.difference_start)
-
-
-def outer_tables(pairs: ModePairs) -> tuple[np.ndarray, np.ndarray]:
-    """Where the pairs that couple into each mode number beside the band begin."""
-    return pairs.outer_sums, pairs.outer_differences
+    terms = pairs.terms
+    return terms.joined, terms.joined_start, terms.single, terms.single_start
 
 
 def _layer_form(
@@ -223,12 +178,6 @@ def _layer_form(
 
 def _arrays(form: SettlementForm) -> tuple[np.ndarray, ...]:
     return (form.constant, form.mean, form.linear, form.sums, form.differences)
-
-
-def _flatten(groups: list[list[tuple[int, int]]]) -> tuple[np.ndarray, np.ndarray]:
-    rows = [pair for group in groups for pair in group]
-    start = np.cumsum([0] + [len(group) for group in groups])
-    return np.array(rows, dtype=np.int32).reshape(-1, 2), start.astype(np.int32)
 
 
 def _sum_slices(terms: np.ndarray, start: np.ndarray) -> np.ndarray:

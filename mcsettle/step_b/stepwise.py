@@ -8,14 +8,13 @@ import numpy as np
 
 from mcsettle.step_b.case import ALIKE, Case, Outcome, Support
 from mcsettle.step_b.cycles import DayPlan, day_plan, update_weights
+from mcsettle.step_b.mode_pairs import ModePairs
 from mcsettle.step_b.pointwise import PointwiseLoad, joined, load_parts, pointwise_load
 from mcsettle.step_b.pointwise import tables as pointwise_tables
 from mcsettle.step_b.sd_map import Roughness, roughness
 from mcsettle.step_b.spectral import (
-    ModePairs,
     SettlementForm,
     axle_form,
-    outer_tables,
     tables,
     train_form,
 )
@@ -31,7 +30,7 @@ class Loads:
 
     ``form`` [A, G, K + P + M, 2], ``constant`` [A, G] and ``mean`` [A, G, K] as the kernel takes them;
     ``precision`` of the arithmetic, "f64" or "f32" (the state is f64 in both). ``multipliers`` [F, G]
-    of the fields of susceptibility, ``following`` [K] of the rail; ``first`` mode number.
+    of the fields of susceptibility, ``following`` [K] of the rail.
     """
 
     plan: DayPlan
@@ -42,7 +41,6 @@ class Loads:
     precision: str
     multipliers: np.ndarray
     following: np.ndarray
-    first: int
 
     def begin(
         self, amplitudes: np.ndarray, power_limit: float, support: Support = ALIKE
@@ -52,9 +50,8 @@ class Loads:
 
         waves = None if support.fields is None else real_pairs(support.fields)
         return March(
-            amplitudes, power_limit, tables(self.pairs), self.constant.shape[1], self.precision,
-            support.factor, self.following, waves, self.multipliers, self.first,
-            outer_tables(self.pairs),
+            amplitudes, power_limit, tables(self.pairs), self.pairs.first, self.constant.shape[1],
+            self.precision, support.factor, self.following, waves, self.multipliers,
         )  # fmt: skip
 
     @property
@@ -98,19 +95,19 @@ class PointwiseLoads:
         n_groups, fields = self.load.constant.shape[1], support.fields
         factors = None if fields is None else self.load.strain_factors(fields)
         return PointwiseMarch(
-            amplitudes, power_limit, pointwise_tables(self.load), n_groups, self.precision,
-            support.factor, self.following, factors,
+            amplitudes, power_limit, pointwise_tables(self.load), self.load.first_mode, n_groups,
+            self.precision, support.factor, self.following, factors,
         )  # fmt: skip
 
 
 def day_loads(case: Case, pairs: ModePairs, by_train: bool, precision: str = "f64") -> Loads:
     """Fold the coefficients of every axle of every service, or of every train."""
     forms = _forms(case, pairs, by_train)
-    form = np.stack([f.packed() for f in forms])
+    form = np.stack([f.packed(pairs) for f in forms])
     constant, mean = (np.stack([getattr(f, name) for f in forms]) for name in ("constant", "mean"))
     return Loads(
         day_plan(case, by_train), pairs, form, constant, mean, precision,
-        case.group_multipliers, case.rail_follows, case.first_mode,
+        case.group_multipliers, case.rail_follows,
     )  # fmt: skip
 
 

@@ -16,12 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mcsettle.step_b.mode_pairs import ModePairs
 from mcsettle.step_b.spectral import (
-    ModePairs,
     SettlementForm,
     fast_growth,
     growth,
-    outer_tables,
     settled_beside,
     tables,
 )
@@ -103,7 +102,7 @@ def fast_varying_growth(
     pairs: ModePairs,
     fields: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """``varying_growth`` by the Taichi kernels; ``packed`` is ``varying.form.packed()``."""
+    """``varying_growth`` by the Taichi kernels; ``packed`` is ``varying.form.packed(pairs)``."""
     from mcsettle.kernels import varying as kernel
 
     form = varying.form
@@ -114,7 +113,7 @@ def fast_varying_growth(
             np.ascontiguousarray(amplitudes).view(float).reshape(n, n_modes, 2),
             np.ascontiguousarray(weights, dtype=float),
             (packed, form.constant, form.mean, varying.multipliers),
-            (*tables(pairs), *outer_tables(pairs)),
+            tables(pairs),
             real_pairs(fields),
             varying.first,
             change.view(float).reshape(n, n_modes, 2),

@@ -15,9 +15,10 @@ from mcsettle.step_b.case import Case
 from mcsettle.step_b.cycle_jump import TOLERANCE, CycleJump
 from mcsettle.step_b.cycles import daily_weights
 from mcsettle.step_b.engine import engine_for, foreseen_passages
+from mcsettle.step_b.mode_pairs import mode_pairs
 from mcsettle.step_b.passage import in_band, mode_numbers, settlement_of_passage
 from mcsettle.step_b.settlement import cycle_increment, cycle_rate
-from mcsettle.step_b.spectral import growth, mode_pairs, train_form
+from mcsettle.step_b.spectral import growth, train_form
 from mcsettle.step_b.stepwise import Stepwise
 
 MIXED = (("passenger", 30), ("freight", 40))

@@ -7,9 +7,10 @@ import pytest
 import toy
 
 from mcsettle.step_b.expansion_error import expansion_error
+from mcsettle.step_b.mode_pairs import mode_pairs
 from mcsettle.step_b.passage import in_band, mode_numbers, settlement_of_passage
 from mcsettle.step_b.settlement import cycle_increment
-from mcsettle.step_b.spectral import axle_form, growth, mode_pairs, stacked, train_form
+from mcsettle.step_b.spectral import axle_form, growth, stacked, train_form
 
 MODES = np.arange(6, 67)
 PAIRS = mode_pairs(MODES)
@@ -90,35 +91,12 @@ def test_groups_stand_side_by_side():
     np.testing.assert_allclose(uniform, first[1] + second[1], rtol=1e-13)
 
 
-@pytest.mark.parametrize("modes", [np.arange(6, 67), np.arange(1, 5), np.array([9]),
-                                   np.arange(20, 31)])  # fmt: skip
-def test_mode_pairs_by_brute_force(modes):
-    pairs = mode_pairs(modes)
-    for target, n in enumerate(modes):
-        sums = pairs.sums[pairs.sum_start[target] : pairs.sum_start[target + 1]]
-        everything = [(i, j) for i, a in enumerate(modes) for j, b in enumerate(modes)]
-        expected = {(i, j) for i, j in everything if i <= j and modes[i] + modes[j] == n}
-        assert len(sums) == len(expected)
-        assert set(map(tuple, sums.tolist())) == expected
-        rows = slice(pairs.difference_start[target], pairs.difference_start[target + 1])
-        differences = pairs.differences[rows]
-        expected = {(i, j) for i, j in everything if modes[i] - modes[j] == n}
-        assert len(differences) == len(expected)
-        assert set(map(tuple, differences.tolist())) == expected
-    assert pairs.sum_start[-1] == len(pairs.sums)
-    assert pairs.difference_start[-1] == len(pairs.differences)
-
-
-def test_modes_must_be_consecutive():
-    with pytest.raises(ValueError, match="consecutive"):
-        mode_pairs(np.array([6, 7, 9]))
-
-
-def test_packed_is_linear_sums_differences():
+def test_packed_is_linear_then_pairs_in_the_order_of_the_terms():
     form = axle_form(toy.transfer(), 0, toy.model(), PAIRS)
-    packed = form.packed()
-    joined = np.concatenate([form.linear, form.sums, form.differences], axis=1)
-    np.testing.assert_array_equal(packed[..., 0] + 1j * packed[..., 1], joined)
+    packed = form.packed(PAIRS)
+    of_pairs = np.concatenate([form.sums, form.differences], axis=1)[:, PAIRS.terms.order]
+    every = np.concatenate([form.linear, of_pairs], axis=1)
+    np.testing.assert_array_equal(packed[..., 0] + 1j * packed[..., 1], every)
     assert packed.flags.c_contiguous
 
 

@@ -16,10 +16,11 @@ from mcsettle.railway.spectra import spectrum
 from mcsettle.step_b.case import Support
 from mcsettle.step_b.cycles import cycles_at
 from mcsettle.step_b.engine import engine_for
+from mcsettle.step_b.mode_pairs import mode_pairs
 from mcsettle.step_b.passage import grid_size, in_band, mode_numbers, passage, settlement_of_passage
 from mcsettle.step_b.pointwise import load_parts, pointwise_growth, pointwise_load
 from mcsettle.step_b.settlement import cycle_increment
-from mcsettle.step_b.spectral import axle_form, growth, mode_pairs, settled_beside, stacked
+from mcsettle.step_b.spectral import axle_form, growth, settled_beside, stacked
 from mcsettle.step_b.susceptibility import VaryingForm, fast_varying_growth, varying_growth
 
 MODES, FIRST = np.arange(6, 67), 6
@@ -102,7 +103,7 @@ def test_kernel_and_twin(n, layers):
     varying = VaryingForm(form, multipliers, following, FIRST)
     h, u = fields(n, count=len(multipliers)), toy.profiles(range(n))
     weights = np.random.default_rng(n).random((n, 3 * services))
-    fast = fast_varying_growth(varying, form.packed(), u, weights, PAIRS, h)
+    fast = fast_varying_growth(varying, form.packed(PAIRS), u, weights, PAIRS, h)
     slow = varying_growth(varying, u, weights, PAIRS, h)
     np.testing.assert_allclose(fast[0], slow[0], rtol=0, atol=1e-10 * np.abs(slow[0]).max())
     np.testing.assert_allclose(fast[1], slow[1], rtol=1e-10)
