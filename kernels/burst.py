@@ -5,7 +5,7 @@ any tile needs them. Layout, vectorisation and precision as in the spectral modu
 """
 
 from mcsettle.kernels.backend import ti
-from mcsettle.kernels.spectral import ROWS, product, step_on, times
+from mcsettle.kernels.spectral import ROWS, product, step_on
 from mcsettle.kernels.varying import keep_half, raise_mean, spread
 
 
@@ -181,6 +181,22 @@ def add_joined(
         y = v[t, shared, 1, lane]
         re[lane] = re[lane] + (x * (qr + rr) - y * (qi - ri))
         im[lane] = im[lane] + (x * (qi + ri) + y * (qr - rr))
+
+
+@ti.func
+def times(
+    a: ti.template(), b: ti.template(), t: int, i: int, lane: int, conjugate: ti.template(),
+    s: ti.template(),
+):  # fmt: skip
+    """(a + ib) U_i of a lane, or of U*_i."""
+    x = s[t, i, 0, lane]
+    y = s[t, i, 1, lane]
+    re = a * x - b * y
+    im = a * y + b * x
+    if ti.static(conjugate):
+        re = a * x + b * y
+        im = b * x - a * y
+    return re, im
 
 
 @ti.func

@@ -92,19 +92,18 @@ def evaluate_rates(
     constant: np.ndarray,  # [E]
     mean: np.ndarray,  # [E, K]
     tables: Tables,
-    first: int,  # mode number of the band
     growth: np.ndarray,  # [R, K, 2], written
     uniform: np.ndarray,  # [R], written
 ) -> None:
     """Run ``rates`` on any number of realisations, CAPACITY at a time."""
     w = workspace(u.shape[1], len(constant))
     w.owner[:] = ["rates"]
-    for begin in range(0, len(u), CAPACITY):
-        part = slice(begin, min(begin + CAPACITY, len(u)))
+    for first in range(0, len(u), CAPACITY):
+        part = slice(first, min(first + CAPACITY, len(u)))
         n_real = part.stop - part.start
         rates(
-            u[part], weights[part], form, constant, mean, *tables, first, n_real,
-             len(constant), w.state.u, w.weight, growth[part], uniform[part],
+            u[part], weights[part], form, constant, mean, *tables,
+            n_real, len(constant), w.state.u, w.weight, growth[part], uniform[part],
         )  # fmt: skip
 
 
@@ -115,11 +114,10 @@ def rates(
     form: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [E, K + P + M, 2]
     constant: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [E]
     mean: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [E, K]
-    joined: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [J, 3]
-    joined_start: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [2 n_max, 3]
-    single: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [S, 2]
-    single_start: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [2 n_max, 3]
-    first: ti.i32,  # mode number of the band
+    sums: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [P, 2]
+    sum_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
+    diffs: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [M, 2]
+    diff_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
     n_real: ti.i32,
     n_forms: ti.template(),
     s: ti.template(),
@@ -128,36 +126,35 @@ def rates(
     out_uniform: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [R] uniform settlement
 ):
     """Growth of every realisation with its own weights: out = Σ_e w[r, e] form_e(u[r])."""
-    n_modes = u.shape[1]
+    n_modes = sum_start.shape[0] - 1
     lanes = ti.static(s.shape[3])
     for tile in range((n_real + lanes - 1) // lanes):
         t = tile & (s.shape[0] - 1)
-        begin = t * lanes
+        first = t * lanes
         s[t, 0, 0, 0] = 0.0  # see the module's note on vectorisation
         re = ti.Vector.zero(ti.f64, lanes)
         im = ti.Vector.zero(ti.f64, lanes)
         total = ti.Vector.zero(ti.f64, lanes)
         # Realisations and their weights into lanes; those left over repeat the last.
-        take_rows(t, begin, n_modes, n_real, u, s)
-        take_weights(t, begin, n_forms, n_real, w, weight)
+        take_rows(t, first, n_modes, n_real, u, s)
+        take_weights(t, first, n_forms, n_real, w, weight)
         for e in range(n_forms):
             c0 = constant[e]
             for lane in range(lanes):
                 total[lane] = total[lane] + weight[t, e, lane] * c0
         for mode in range(n_modes):
             n = mode & ROWS
-            own_mode(t, n, n_forms, form, mean, s, weight, total, re, im)
-            own_terms(
-                t, first - 1 + n, n_modes, n_forms, joined, joined_start, single, single_start, form,
-                s, weight, re, im,
+            own_mode(
+                t, n, n_modes, n_forms, form, mean, sums, sum_start, diffs, diff_start, s, weight,
+                total, re, im,
             )  # fmt: skip
             for lane in range(lanes):
-                if begin + lane < n_real:
-                    out[begin + lane, n, 0] = re[lane]
-                    out[begin + lane, n, 1] = im[lane]
+                if first + lane < n_real:
+                    out[first + lane, n, 0] = re[lane]
+                    out[first + lane, n, 1] = im[lane]
         for lane in range(lanes):
-            if begin + lane < n_real:
-                out_uniform[begin + lane] = total[lane]
+            if first + lane < n_real:
+                out_uniform[first + lane] = total[lane]
 
 
 @ti.func
@@ -182,11 +179,12 @@ def take_weights(
 
 @ti.func
 def own_mode(
-    t: int, n: int, n_forms: ti.template(), form: ti.template(), mean: ti.template(),
-    s: ti.template(), weight: ti.template(), total: ti.template(), re: ti.template(),
-    im: ti.template(),
+    t: int, n: int, n_modes: int, n_forms: ti.template(), form: ti.template(),
+    mean: ti.template(), sums: ti.template(), sum_start: ti.template(), diffs: ti.template(),
+    diff_start: ti.template(), s: ti.template(), weight: ti.template(), total: ti.template(),
+    re: ti.template(), im: ti.template(),
 ):  # fmt: skip
-    """The linear part at mode n, weighted lane by lane; ``total`` gains what it adds to the mean."""
+    """What settles at mode n, weighted lane by lane; ``total`` gains what it adds to the mean."""
     a = ti.Vector([form[e, n, 0] for e in ti.static(range(n_forms))])
     b = ti.Vector([form[e, n, 1] for e in ti.static(range(n_forms))])
     g = ti.Vector([mean[e, n] for e in ti.static(range(n_forms))])
@@ -203,70 +201,23 @@ def own_mode(
         re[lane] = ca * x - cb * y
         im[lane] = ca * y + cb * x
         total[lane] = total[lane] + cg * (x * x + y * y)
+    # Pairs of modes whose numbers add up to n, then those that differ by n.
+    for p in range(sum_start[n], sum_start[n + 1]):
+        own_product(t, n_modes + p, p, sums, form, weight, n_forms, False, s, re, im)
+    for p in range(diff_start[n], diff_start[n + 1]):
+        row = n_modes + sums.shape[0] + p
+        own_product(t, row, p, diffs, form, weight, n_forms, True, s, re, im)
 
 
 @ti.func
-def own_terms(
-    t: int, wave: int, n_modes: int, n_forms: ti.template(), joined: ti.template(),
-    joined_start: ti.template(), single: ti.template(), single_start: ti.template(),
-    form: ti.template(), s: ti.template(), weight: ti.template(), re: ti.template(),
-    im: ti.template(),
-):  # fmt: skip
-    """Add the products of pairs of modes that settle at mode number ``wave`` + 1."""
-    middle = joined_start[wave, 1]
-    for p in range(joined_start[wave, 0], middle):
-        own_joined(t, n_modes + 2 * p, p, joined, form, weight, n_forms, False, s, re, im)
-    for p in range(middle, joined_start[wave, 2]):
-        own_joined(t, n_modes + 2 * p, p, joined, form, weight, n_forms, True, s, re, im)
-    row = n_modes + 2 * joined.shape[0]
-    middle = single_start[wave, 1]
-    for p in range(single_start[wave, 0], middle):
-        own_single(t, row + p, p, single, form, weight, n_forms, False, s, re, im)
-    for p in range(middle, single_start[wave, 2]):
-        own_single(t, row + p, p, single, form, weight, n_forms, True, s, re, im)
-
-
-@ti.func
-def own_joined(
-    t: int, row: int, p: int, joined: ti.template(), form: ti.template(), weight: ti.template(),
-    n_forms: ti.template(), conjugate: ti.template(), s: ti.template(),
-    re: ti.template(), im: ti.template(),
-):  # fmt: skip
-    """Add two products that share a mode (mcsettle.step_b.mode_pairs), weighted lane by lane."""
-    shared = joined[p, 0] & ROWS
-    i = joined[p, 1] & ROWS
-    j = joined[p, 2] & ROWS
-    a0 = ti.Vector([form[e, row, 0] for e in ti.static(range(n_forms))])
-    a1 = ti.Vector([form[e, row, 1] for e in ti.static(range(n_forms))])
-    b0 = ti.Vector([form[e, row + 1, 0] for e in ti.static(range(n_forms))])
-    b1 = ti.Vector([form[e, row + 1, 1] for e in ti.static(range(n_forms))])
-    for lane in range(s.shape[3]):
-        ca0 = 0.0
-        ca1 = 0.0
-        cb0 = 0.0
-        cb1 = 0.0
-        for e in ti.static(range(n_forms)):
-            ca0 = ca0 + weight[t, e, lane] * a0[e]
-            ca1 = ca1 + weight[t, e, lane] * a1[e]
-            cb0 = cb0 + weight[t, e, lane] * b0[e]
-            cb1 = cb1 + weight[t, e, lane] * b1[e]
-        qr, qi = times(ca0, ca1, t, i, lane, conjugate, s)
-        rr, ri = times(cb0, cb1, t, j, lane, False, s)
-        x = s[t, shared, 0, lane]
-        y = s[t, shared, 1, lane]
-        re[lane] = re[lane] + (x * (qr + rr) - y * (qi - ri))
-        im[lane] = im[lane] + (x * (qi + ri) + y * (qr - rr))
-
-
-@ti.func
-def own_single(
-    t: int, row: int, p: int, single: ti.template(), form: ti.template(), weight: ti.template(),
+def own_product(
+    t: int, row: int, p: int, pairs: ti.template(), form: ti.template(), weight: ti.template(),
     n_forms: ti.template(), conjugate: ti.template(), s: ti.template(),
     re: ti.template(), im: ti.template(),
 ):  # fmt: skip
     """Add a product of two modes, its coefficient weighted lane by lane."""
-    i = single[p, 0] & ROWS
-    j = single[p, 1] & ROWS
+    i = pairs[p, 0] & ROWS
+    j = pairs[p, 1] & ROWS
     a = ti.Vector([form[e, row, 0] for e in ti.static(range(n_forms))])
     b = ti.Vector([form[e, row, 1] for e in ti.static(range(n_forms))])
     for lane in range(s.shape[3]):
@@ -278,22 +229,6 @@ def own_single(
         xr, xi = product(t, i, j, lane, conjugate, s)
         re[lane] = re[lane] + (ca * xr - cb * xi)
         im[lane] = im[lane] + (ca * xi + cb * xr)
-
-
-@ti.func
-def times(
-    a: ti.template(), b: ti.template(), t: int, i: int, lane: int, conjugate: ti.template(),
-    s: ti.template(),
-):  # fmt: skip
-    """(a + ib) U_i of a lane, or of U*_i."""
-    x = s[t, i, 0, lane]
-    y = s[t, i, 1, lane]
-    re = a * x - b * y
-    im = a * y + b * x
-    if ti.static(conjugate):
-        re = a * x + b * y
-        im = b * x - a * y
-    return re, im
 
 
 @ti.func

@@ -16,7 +16,7 @@ from mcsettle.kernels.spectral import (
     ROWS,
     Tables,
     own_mode,
-    own_terms,
+    own_product,
     take_rows,
     take_weights,
     tiles,
@@ -54,7 +54,7 @@ def add_rates(
     u: np.ndarray,  # [R, K, 2]
     weights: np.ndarray,  # [R, E]
     form: tuple[np.ndarray, ...],  # form [E, …, 2], constant [E], mean [E, K], multipliers [F, E]
-    tables: Tables,  # of the pairs of modes
+    tables: Tables,  # of the pairs of modes, in the band and beside it
     waves: np.ndarray,  # [R, F M, 2]
     first: int,  # mode number of the band
     growth: np.ndarray,  # [R, K, 2], without fields; added to
@@ -82,10 +82,12 @@ def varying_rates(
     constant: ti.types.ndarray(dtype=ti.f64, ndim=1),  # [E]
     mean: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [E, K]
     multipliers: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [F, E] of the fields in the forms
-    joined: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [J, 3]
-    joined_start: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [2 n_max, 3]
-    single: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [S, 2]
-    single_start: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [2 n_max, 3]
+    sums: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [P, 2]
+    sum_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
+    diffs: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [M, 2]
+    diff_start: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [K + 1]
+    outer_sums: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [2 n_max + 1]
+    outer_diffs: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [2 n_max + 1]
     waves: ti.types.ndarray(dtype=ti.f64, ndim=3),  # [R, F M, 2]
     first: ti.i32,  # mode number of the band
     n_real: ti.i32,
@@ -121,12 +123,12 @@ def varying_rates(
                 take_half(t, begin, n_real, first, n_modes, out, out_uniform, varying, load)
             else:
                 own_half(
-                    t, first, n_modes, n_forms, form, constant, mean, joined, joined_start, single,
-                    single_start, s, varying, load, re, im,
+                    t, first, n_modes, n_forms, form, constant, mean, sums, sum_start, diffs,
+                    diff_start, s, varying, load, re, im,
                 )  # fmt: skip
             own_half_beside(
-                t, first, n_modes, n_forms, form, joined, joined_start, single, single_start, s,
-                varying, re, im,
+                t, first, n_modes, n_forms, form, sums, outer_sums, diffs, outer_diffs, s, varying,
+                re, im,
             )  # fmt: skip
             for i in range(n_modes):
                 spread(t, f, i, first, n_modes, varying, load, re, im)
@@ -160,10 +162,9 @@ def take_half(
 @ti.func
 def own_half(
     t: int, first: int, n_modes: int, n_forms: ti.template(), form: ti.template(),
-    constant: ti.template(), mean: ti.template(), joined: ti.template(),
-    joined_start: ti.template(), single: ti.template(), single_start: ti.template(),
-    s: ti.template(), varying: ti.template(), load: ti.template(), re: ti.template(),
-    im: ti.template(),
+    constant: ti.template(), mean: ti.template(), sums: ti.template(), sum_start: ti.template(),
+    diffs: ti.template(), diff_start: ti.template(), s: ti.template(), varying: ti.template(),
+    load: ti.template(), re: ti.template(), im: ti.template(),
 ):  # fmt: skip
     """Half of what settles in the band by own weights, and what settles on average."""
     own = ti.static(varying.own)
@@ -175,10 +176,9 @@ def own_half(
             load[lane] = load[lane] + own[t, e, lane] * c0
     for mode in range(n_modes):
         n = mode & ROWS
-        own_mode(t, n, n_forms, form, mean, s, own, load, re, im)
-        own_terms(
-            t, first - 1 + n, n_modes, n_forms, joined, joined_start, single, single_start, form,
-            s, own, re, im,
+        own_mode(
+            t, n, n_modes, n_forms, form, mean, sums, sum_start, diffs, diff_start, s, own, load,
+            re, im,
         )  # fmt: skip
         keep_half(t, first - 1 + n, varying, re, im)
 
@@ -186,20 +186,23 @@ def own_half(
 @ti.func
 def own_half_beside(
     t: int, first: int, n_modes: int, n_forms: ti.template(), form: ti.template(),
-    joined: ti.template(), joined_start: ti.template(), single: ti.template(),
-    single_start: ti.template(), s: ti.template(), varying: ti.template(), re: ti.template(),
+    sums: ti.template(), outer_sums: ti.template(), diffs: ti.template(),
+    outer_diffs: ti.template(), s: ti.template(), varying: ti.template(), re: ti.template(),
     im: ti.template(),
 ):  # fmt: skip
     """Half of what settles in the mode numbers beside the band, by own weights."""
-    for wave in range(joined_start.shape[0]):
+    n_sums = sums.shape[0]
+    for wave in range(outer_sums.shape[0] - 1):
         if wave < first - 1 or wave >= first - 1 + n_modes:
             for lane in range(s.shape[3]):
                 re[lane] = 0.0
                 im[lane] = 0.0
-            own_terms(
-                t, wave, n_modes, n_forms, joined, joined_start, single, single_start, form, s,
-                varying.own, re, im,
-            )  # fmt: skip
+            for p in range(outer_sums[wave], outer_sums[wave + 1]):
+                own_product(t, n_modes + p, p, sums, form, varying.own, n_forms, False, s, re, im)
+            for p in range(outer_diffs[wave], outer_diffs[wave + 1]):
+                own_product(
+                    t, n_modes + n_sums + p, p, diffs, form, varying.own, n_forms, True, s, re, im
+                )
             keep_half(t, wave, varying, re, im)
 
 

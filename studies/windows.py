@@ -24,7 +24,7 @@ from mcsettle.step_b.mode_pairs import mode_pairs
 from mcsettle.step_b.passage import mode_numbers
 from mcsettle.step_b.pointwise import pointwise_growth, pointwise_load
 from mcsettle.step_b.settlement import cycle_increment
-from mcsettle.step_b.spectral import axle_form, tables
+from mcsettle.step_b.spectral import axle_form, march_tables
 from mcsettle.units import KMH
 
 WINDOWS = (200.0, 400.0, 1000.0, 2000.0)
@@ -64,8 +64,8 @@ def measured(window: float, seconds: float) -> tuple[int, int, float, float]:
     growth = np.array([float(cycle_increment(law, 1e5, 1.0)) for law in model.group_laws])
     pairs = mode_pairs(mode_numbers(k, window))
     form = axle_form(transfer, 0, model, pairs)
-    loads = form.packed(pairs)[None], form.constant[None], form.mean[None]
-    state = lanes.March(tracks, np.inf, tables(pairs), pairs.first, len(growth))
+    loads = form.packed(pairs.terms.order)[None], form.constant[None], form.mean[None]
+    state = lanes.March(tracks, np.inf, march_tables(pairs), pairs.first, len(growth))
     n = max(1, int(2e5 / (len(pairs.sums) + len(pairs.differences))))
     updates = np.zeros(n, np.int32), np.tile(growth, (n, 1))
     by_form = spent(lambda: state.advance(*updates, *loads), seconds) / (n * TRACKS)

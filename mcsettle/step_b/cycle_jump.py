@@ -238,7 +238,7 @@ def spectral_growth(case: Case, forms: Forms | None = None) -> Growth:
     if few is not None:
         form, multipliers = few.form, few.multipliers
     varying = VaryingForm(form, multipliers, case.following, case.first_mode)
-    packed = form.packed(pairs)
+    packed = form.packed()
 
     def growth(
         amplitudes: np.ndarray, weights: np.ndarray, fields: np.ndarray | None

@@ -42,11 +42,12 @@ class SettlementForm:
     sums: np.ndarray
     differences: np.ndarray
 
-    def packed(self, pairs: ModePairs) -> np.ndarray:
-        """Coefficients as one real array [G, K + P + M, 2] in the order of the kernels (``Terms``)."""
-        of_pairs = np.concatenate([self.sums, self.differences], axis=1)[:, pairs.terms.order]
-        every = np.concatenate([self.linear, of_pairs], axis=1)
-        return np.ascontiguousarray(np.stack([every.real, every.imag], axis=-1))
+    def packed(self, order: np.ndarray | None = None) -> np.ndarray:
+        """Coefficients as one real array [G, K + P + M, 2], pairs in ``order`` [P + M]."""
+        of_pairs = np.concatenate([self.sums, self.differences], axis=1)
+        every = [self.linear, of_pairs if order is None else of_pairs[:, order]]
+        joined = np.concatenate(every, axis=1)
+        return np.ascontiguousarray(np.stack([joined.real, joined.imag], axis=-1))
 
 
 def axle_form(
@@ -116,7 +117,7 @@ def fast_growth(
     weights: np.ndarray,
     pairs: ModePairs,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """``growth`` by the Taichi kernel; ``packed`` is ``form.packed(pairs)``."""
+    """``growth`` by the Taichi kernel; ``packed`` is ``form.packed()``."""
     from mcsettle.kernels import runtime, spectral
 
     runtime.start()
@@ -124,9 +125,7 @@ def fast_growth(
     u = np.ascontiguousarray(amplitudes).view(float).reshape(n, n_modes, 2)
     change, uniform = np.empty_like(u), np.empty(n)
     w = np.ascontiguousarray(weights, dtype=float)
-    spectral.evaluate_rates(
-        u, w, packed, form.constant, form.mean, tables(pairs), pairs.first, change, uniform
-    )
+    spectral.evaluate_rates(u, w, packed, form.constant, form.mean, tables(pairs), change, uniform)
     return change.view(complex)[..., 0], uniform
 
 
@@ -149,6 +148,16 @@ def stacked(forms: list[SettlementForm]) -> SettlementForm:
 
 def tables(pairs: ModePairs) -> tuple[np.ndarray, ...]:
     """The index tables in the order of the kernels' arguments."""
+    return (pairs.sums, pairs.sum_start, pairs.differences, pairs.difference_start)
+
+
+def outer_tables(pairs: ModePairs) -> tuple[np.ndarray, np.ndarray]:
+    """Where the pairs that couple into each mode number beside the band begin."""
+    return pairs.outer_sums, pairs.outer_differences
+
+
+def march_tables(pairs: ModePairs) -> tuple[np.ndarray, ...]:
+    """The index tables in the order of the arguments of ``burst``; coefficients in their ``order``."""
     terms = pairs.terms
     return terms.joined, terms.joined_start, terms.single, terms.single_start
 

@@ -15,7 +15,7 @@ from mcsettle.step_b.sd_map import Roughness, roughness
 from mcsettle.step_b.spectral import (
     SettlementForm,
     axle_form,
-    tables,
+    march_tables,
     train_form,
 )
 from mcsettle.step_b.susceptibility import real_pairs
@@ -50,8 +50,9 @@ class Loads:
 
         waves = None if support.fields is None else real_pairs(support.fields)
         return March(
-            amplitudes, power_limit, tables(self.pairs), self.pairs.first, self.constant.shape[1],
-            self.precision, support.factor, self.following, waves, self.multipliers,
+            amplitudes, power_limit, march_tables(self.pairs), self.pairs.first,
+            self.constant.shape[1], self.precision, support.factor, self.following, waves,
+            self.multipliers,
         )  # fmt: skip
 
     @property
@@ -103,7 +104,7 @@ class PointwiseLoads:
 def day_loads(case: Case, pairs: ModePairs, by_train: bool, precision: str = "f64") -> Loads:
     """Fold the coefficients of every axle of every service, or of every train."""
     forms = _forms(case, pairs, by_train)
-    form = np.stack([f.packed(pairs) for f in forms])
+    form = np.stack([f.packed(pairs.terms.order) for f in forms])
     constant, mean = (np.stack([getattr(f, name) for f in forms]) for name in ("constant", "mean"))
     return Loads(
         day_plan(case, by_train), pairs, form, constant, mean, precision,

@@ -21,6 +21,7 @@ from mcsettle.step_b.spectral import (
     SettlementForm,
     fast_growth,
     growth,
+    outer_tables,
     settled_beside,
     tables,
 )
@@ -102,7 +103,7 @@ def fast_varying_growth(
     pairs: ModePairs,
     fields: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """``varying_growth`` by the Taichi kernels; ``packed`` is ``varying.form.packed(pairs)``."""
+    """``varying_growth`` by the Taichi kernels; ``packed`` is ``varying.form.packed()``."""
     from mcsettle.kernels import varying as kernel
 
     form = varying.form
@@ -113,7 +114,7 @@ def fast_varying_growth(
             np.ascontiguousarray(amplitudes).view(float).reshape(n, n_modes, 2),
             np.ascontiguousarray(weights, dtype=float),
             (packed, form.constant, form.mean, varying.multipliers),
-            tables(pairs),
+            (*tables(pairs), *outer_tables(pairs)),
             real_pairs(fields),
             varying.first,
             change.view(float).reshape(n, n_modes, 2),

@@ -11,7 +11,7 @@ import toy
 
 from mcsettle.kernels import lanes, runtime, spectral
 from mcsettle.step_b.mode_pairs import mode_pairs
-from mcsettle.step_b.spectral import axle_form, fast_growth, growth, stacked, tables
+from mcsettle.step_b.spectral import axle_form, fast_growth, growth, march_tables, stacked
 
 # Both sum some thousand products in f64 in another order: 1e-13 of the largest, with room.
 TOLERANCE = 1e-10
@@ -40,7 +40,7 @@ def test_one_evaluation(n, stress):
     pairs, (first, *_) = forms(stress=stress)
     amplitudes = toy.profiles(range(n))
     weights = np.random.default_rng(n).random((n, 3))
-    change, uniform = fast_growth(first, first.packed(pairs), amplitudes, weights, pairs)
+    change, uniform = fast_growth(first, first.packed(), amplitudes, weights, pairs)
     expected, expected_uniform = growth(first, amplitudes, weights, pairs)
     close(change, expected)
     np.testing.assert_allclose(uniform, expected_uniform, rtol=TOLERANCE)
@@ -53,7 +53,7 @@ def test_several_groups_of_weights(n_forms):
     form = stacked(found[:n_forms])
     amplitudes = toy.profiles(range(67), shortest=8.0)
     weights = np.random.default_rng(1).normal(size=(67, 3 * n_forms))
-    change, uniform = fast_growth(form, form.packed(pairs), amplitudes, weights, pairs)
+    change, uniform = fast_growth(form, form.packed(), amplitudes, weights, pairs)
     expected, expected_uniform = growth(form, amplitudes, weights, pairs)
     close(change, expected)
     close(uniform, expected_uniform)
@@ -65,7 +65,7 @@ def test_more_realisations_than_one_launch_holds():
     amplitudes = np.resize(toy.profiles(range(100), shortest=8.0), (n, 20))
     amplitudes = amplitudes * np.linspace(0.5, 1.0, n)[:, None]
     weights = np.random.default_rng(2).random((n, 3))
-    change, _ = fast_growth(form, form.packed(pairs), amplitudes, weights, pairs)
+    change, _ = fast_growth(form, form.packed(), amplitudes, weights, pairs)
     close(change, growth(form, amplitudes, weights, pairs)[0])
 
 
@@ -96,9 +96,9 @@ def test_a_march_through_the_limit(n):
     load = rng.integers(0, 4, 400).astype(np.int32)
     weights = toy.FACTOR * 1.5e-4 * rng.random((400, 3))
     expected = numpy_march(amplitudes, limit, load, weights, loads, pairs)
-    state = lanes.March(amplitudes, limit, tables(pairs), pairs.first, 3)
+    state = lanes.March(amplitudes, limit, march_tables(pairs), pairs.first, 3)
     parts = [np.stack([getattr(f, name) for f in loads]) for name in ("constant", "mean")]
-    form = np.stack([f.packed(pairs) for f in loads])
+    form = np.stack([f.packed(pairs.terms.order) for f in loads])
     for piece in (slice(0, 1), slice(1, 150), slice(150, 400)):
         state.advance(load[piece], weights[piece], form, *parts)
     close(state.amplitudes(), expected[0])
@@ -117,13 +117,13 @@ def test_small_tiles_change_no_bit(precision):
     """A march of as many as one tile holds is divided among small ones; rows march alike in both."""
     runtime.start()
     pairs, loads = forms(shortest=8.0)
-    parts = [np.stack([f.packed(pairs) for f in loads])]
+    parts = [np.stack([f.packed(pairs.terms.order) for f in loads])]
     parts += [np.stack([getattr(f, name) for f in loads]) for name in ("constant", "mean")]
     load, weights = np.arange(40, dtype=np.int32) % 4, np.full((40, 3), toy.FACTOR * 1e-4)
     amplitudes = toy.profiles(range(70), shortest=8.0)
     found = []
     for rows in (70, 9):
-        march = lanes.March(amplitudes[:rows], 1.0, tables(pairs), pairs.first, 3, precision)
+        march = lanes.March(amplitudes[:rows], 1.0, march_tables(pairs), pairs.first, 3, precision)
         march.advance(load, weights, *parts)
         found.append((march.lanes, march.amplitudes()[:9], march.uniform()[:9]))
     (full, *whole), (small, *few) = found
@@ -136,10 +136,10 @@ def test_a_broken_neighbour_is_not_felt():
     """A row of NaN changes no bit of the rows beside it."""
     pairs, (form, *_) = forms(shortest=8.0)
     amplitudes, weights = toy.profiles(range(6), shortest=8.0), np.full((6, 3), 1e-3)
-    clean, _ = fast_growth(form, form.packed(pairs), amplitudes, weights, pairs)
+    clean, _ = fast_growth(form, form.packed(), amplitudes, weights, pairs)
     spoilt = amplitudes.copy()
     spoilt[3] = np.nan
-    change, _ = fast_growth(form, form.packed(pairs), spoilt, weights, pairs)
+    change, _ = fast_growth(form, form.packed(), spoilt, weights, pairs)
     others = [0, 1, 2, 4, 5]
     np.testing.assert_array_equal(change[others], clean[others])
     assert np.isnan(change[3]).all()
@@ -148,7 +148,7 @@ def test_a_broken_neighbour_is_not_felt():
 def test_a_batch_of_a_march_has_a_size():
     pairs, _ = forms(shortest=8.0)
     with pytest.raises(ValueError, match="at most 2048"):
-        lanes.March(np.zeros((spectral.CAPACITY + 1, 20)), 1.0, tables(pairs), pairs.first, 3)
+        lanes.March(np.zeros((spectral.CAPACITY + 1, 20)), 1.0, march_tables(pairs), pairs.first, 3)
 
 
 SCRIPT = """
@@ -167,13 +167,13 @@ engine_for(case, "every_axle").run(u, np.array([0.0, 0.5]))
 pairs = mode_pairs(np.arange(6, 26))
 transfer = toy.transfer("car", shortest=8.0)
 form = axle_form(transfer, 0, case.model, pairs)
-fast_growth(form, form.packed(pairs), u, np.ones((65, 3)), pairs)
+fast_growth(form, form.packed(), u, np.ones((65, 3)), pairs)
 load = pointwise_load(transfer, case.model, case.window)
 pointwise_growth(load, np.array([0]), u[:9], np.ones((9, 3)))
 print("sound", flush=True)
-pairs.terms.single[-1, 0] = 20  # one past the last mode
+pairs.sums[-1, 0] = 20  # one past the last mode
 try:
-    fast_growth(form, form.packed(pairs), u, np.ones((65, 3)), pairs)
+    fast_growth(form, form.packed(), u, np.ones((65, 3)), pairs)
 except Exception as error:
     print("caught", type(error).__name__, flush=True)
 """
