@@ -4,10 +4,12 @@ import multiprocessing
 import os
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from queue import SimpleQueue
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -55,8 +57,8 @@ def process_pool(n: int) -> Iterator[ProcessPoolExecutor]:
 class Together:
     """Processes that share out tasks: those of ``pool`` and this one, or this one alone."""
 
-    def __init__(self, pool: ProcessPoolExecutor | None = None) -> None:
-        self.pool = pool
+    def __init__(self, pool: ProcessPoolExecutor | None = None, n: int = 0) -> None:
+        self.pool, self.in_flight = pool, n + 1 if pool else 0  # one more waits in the pool
 
     def map(
         self,
@@ -71,28 +73,62 @@ class Together:
         own. Where one of them has died this process does the rest.
         """
         here = here or function
-        if self.pool is None:
-            answers = []
-            for index, one in enumerate(arguments):
-                answers.append(here(*one))
-                told(index)
-            return answers
-        futures = [self.pool.submit(function, *one) for one in arguments]
+        todo, finished = deque(range(len(arguments))), SimpleQueue[tuple[int, Future[T]] | None]()
+        for _ in range(self.in_flight):
+            feeder = (self.pool, function, arguments, todo, finished)
+            threading.Thread(target=_feed, args=feeder, daemon=True).start()
         results: dict[int, T] = {}
-        untold = set(range(len(futures)))
-        for i in reversed(range(len(futures))):
-            if futures[i].cancel():
-                results[i] = here(*arguments[i])
-            else:
-                try:
-                    results[i] = futures[i].result()
-                except BrokenProcessPool:
-                    results[i] = here(*arguments[i])
-            for k in sorted(untold):
-                if k in results or (futures[k].done() and not futures[k].cancelled()):
-                    untold.remove(k)
-                    told(k)
-        return [results[i] for i in range(len(futures))]
+        while len(results) < len(arguments):
+            own = next(_drawn(todo.pop if self.pool else todo.popleft), None)
+            if own is not None:
+                results[own] = here(*arguments[own])
+                told(own)
+            while own is None or not finished.empty():
+                answer = finished.get()
+                if answer is None:  # one has no more to hand out, or has given it back
+                    break
+                index, future = answer
+                results[index] = future.result()
+                told(index)
+                own = index
+        return [results[i] for i in range(len(arguments))]
+
+
+def _feed(
+    pool: ProcessPoolExecutor,
+    function: Callable[..., T],
+    arguments: Sequence[tuple[Any, ...]],
+    todo: deque[int],
+    finished: "SimpleQueue[tuple[int, Future[T]] | None]",
+) -> None:
+    """Hand out tasks, the first first, one at a time, until there is none or a process has died.
+
+    The pool has no task that this process may still take: to cancel one while a process dies breaks it.
+    """
+    for index in _drawn(todo.popleft):
+        try:
+            future = pool.submit(function, *arguments[index])
+            died = isinstance(future.exception(), BrokenProcessPool)
+        except (
+            RuntimeError,
+            CancelledError,
+        ):  # the pool is broken, or shut down after an error here
+            died = True
+        if died:
+            todo.append(index)
+            break
+        finished.put((index, future))
+    finished.put(None)
+
+
+def _drawn(draw: Callable[[], int]) -> Iterator[int]:
+    """Indices as they are drawn, until there is none."""
+    while True:
+        try:
+            index = draw()
+        except IndexError:
+            return
+        yield index
 
 
 @contextmanager
@@ -102,7 +138,7 @@ def together(n: int) -> Iterator[Together]:
         yield Together()
         return
     with process_pool(n - 1) as pool:
-        yield Together(pool)
+        yield Together(pool, n - 1)
 
 
 ALONE = Together()

@@ -1,8 +1,13 @@
 """Shards computed by several processes are the shards that one computes."""
 
 import os
+import threading
+import time
+from collections import deque
 from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import parent_process
+from queue import SimpleQueue
 
 import pytest
 import toy
@@ -20,21 +25,21 @@ from mcsettle.study.extent import extent_of
 pytestmark = pytest.mark.usefixtures("fresh_cache")
 
 
-class Instantly:
-    """A pool that has run the first ``n`` tasks when they are asked for, and the rest never."""
+class Mortal:
+    """A pool that runs ``n`` tasks at once when they are asked for, then dies."""
 
     def __init__(self, n: int) -> None:
         self.n = n
 
     def submit(self, function, *arguments):
+        if self.n == 0:
+            raise BrokenProcessPool
+        self.n -= 1
         future: Future = Future()
-        if self.n > 0:
-            self.n -= 1
-            future.set_running_or_notify_cancel()
-            try:
-                future.set_result(function(*arguments))
-            except BaseException as error:
-                future.set_exception(error)
+        try:
+            future.set_result(function(*arguments))
+        except BaseException as error:
+            future.set_exception(error)
         return future
 
 
@@ -46,7 +51,7 @@ def test_every_task_is_done_once_and_answers_stand_in_order(n):
         done.append(x)
         return 10 * x
 
-    share = processes.Together(Instantly(n))
+    share = processes.Together(Mortal(n))
     assert share.map(ten_times, [(i,) for i in range(5)], told.append) == [0, 10, 20, 30, 40]
     assert sorted(done) == sorted(told) == [0, 1, 2, 3, 4]
     told.clear()
@@ -59,7 +64,7 @@ def test_an_error_in_another_process_is_raised_here():
         raise InputError(f"task {x}")
 
     with pytest.raises(InputError, match="task 0"):
-        processes.Together(Instantly(1)).map(fails, [(0,)])
+        processes.Together(Mortal(1)).map(fails, [(0,)])
 
 
 def dies_elsewhere(x: int) -> int:
@@ -71,6 +76,66 @@ def dies_elsewhere(x: int) -> int:
 def test_what_a_dead_process_leaves_is_done_here():
     with processes.together(2) as share:
         assert share.map(dies_elsewhere, [(i,) for i in range(4)]) == [0, 1, 2, 3]
+
+
+class ShutDown:
+    """A pool that takes no more tasks, or forgets the one it has taken."""
+
+    def __init__(self, forgets: bool) -> None:
+        self.forgets = forgets
+
+    def submit(self, *_):
+        if not self.forgets:
+            raise RuntimeError("cannot schedule new futures after shutdown")
+        future: Future = Future()
+        future.cancel()
+        return future
+
+
+@pytest.mark.parametrize("forgets", [False, True])
+def test_a_pool_that_is_shut_down_leaves_its_tasks(forgets):
+    todo, finished = deque([0, 1]), SimpleQueue()
+    processes._feed(ShutDown(forgets), max, [(0, 1), (1, 2)], todo, finished)
+    assert sorted(todo) == [0, 1]
+    assert finished.get_nowait() is None
+
+
+def sleeps(x: int) -> int:
+    time.sleep(0.2 if parent_process() is None else 30.0)
+    return x
+
+
+def test_an_error_here_ends_the_others_in_silence(monkeypatch):
+    """Neither the tasks that are under way nor those that wait are heard of again."""
+    heard: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", heard.append)
+
+    def fails(x: int) -> int:
+        time.sleep(2.0)
+        raise KeyboardInterrupt
+
+    before, began = threading.active_count(), time.monotonic()
+    with pytest.raises(KeyboardInterrupt), processes.together(2) as share:
+        share.map(sleeps, [(i,) for i in range(6)], here=fails)
+    while threading.active_count() > before and time.monotonic() < began + 20.0:
+        time.sleep(0.05)
+    assert threading.active_count() == before
+    assert not heard
+
+
+def dies_after_a_while(x: int) -> int:
+    time.sleep(0.05)
+    return dies_elsewhere(x)
+
+
+def test_a_process_that_dies_while_tasks_are_taken_back_is_not_heard(monkeypatch):
+    """No thread of the pool ends in an error, whenever it hears of the death."""
+    heard: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", heard.append)
+    for _ in range(3):
+        with processes.together(2) as share:
+            assert share.map(dies_after_a_while, [(i,) for i in range(12)]) == list(range(12))
+    assert not heard
 
 
 def test_the_same_bytes_and_remarks_by_two_processes(tmp_path, monkeypatch):
