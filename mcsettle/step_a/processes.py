@@ -109,10 +109,8 @@ def _feed(
         try:
             future = pool.submit(function, *arguments[index])
             died = isinstance(future.exception(), BrokenProcessPool)
-        except (
-            RuntimeError,
-            CancelledError,
-        ):  # the pool is broken, or shut down after an error here
+        # The pool is broken, or was shut down after an error here.
+        except (RuntimeError, CancelledError):
             died = True
         if died:
             todo.append(index)
