@@ -79,18 +79,17 @@ class Together:
             threading.Thread(target=_feed, args=feeder, daemon=True).start()
         results: dict[int, T] = {}
         while len(results) < len(arguments):
-            own = next(_drawn(todo.pop if self.pool else todo.popleft), None)
+            own = _taken(todo.pop if self.pool else todo.popleft)
+            waits = own is None
             if own is not None:
                 results[own] = here(*arguments[own])
                 told(own)
-            while own is None or not finished.empty():
-                answer = finished.get()
-                if answer is None:  # one has no more to hand out, or has given it back
-                    break
-                index, future = answer
-                results[index] = future.result()
-                told(index)
-                own = index
+            while waits or not finished.empty():
+                waits, answer = False, finished.get()
+                if answer is not None:  # None: one has no more to hand out, or has given it back
+                    index, future = answer
+                    results[index] = future.result()
+                    told(index)
         return [results[i] for i in range(len(arguments))]
 
 
@@ -105,7 +104,7 @@ def _feed(
 
     The pool has no task that this process may still take: to cancel one while a process dies breaks it.
     """
-    for index in _drawn(todo.popleft):
+    while (index := _taken(todo.popleft)) is not None:
         try:
             future = pool.submit(function, *arguments[index])
             died = isinstance(future.exception(), BrokenProcessPool)
@@ -119,14 +118,12 @@ def _feed(
     finished.put(None)
 
 
-def _drawn(draw: Callable[[], int]) -> Iterator[int]:
-    """Indices as they are drawn, until there is none."""
-    while True:
-        try:
-            index = draw()
-        except IndexError:
-            return
-        yield index
+def _taken(draw: Callable[[], int]) -> int | None:
+    """The task that is drawn; None where another has taken the last."""
+    try:
+        return draw()
+    except IndexError:
+        return None
 
 
 @contextmanager
