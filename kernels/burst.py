@@ -30,7 +30,7 @@ def burst(
     varying: ti.template(),
     state: ti.template(),
     c: ti.types.ndarray(ndim=2),  # [N (1 + F), 2 (K + P + M)] scratch: coefficients of each update
-    on_average: ti.types.ndarray(ndim=2),  # [N (1 + F), 1 + K], scratch
+    on_average: ti.types.ndarray(dtype=ti.f64, ndim=2),  # [N (1 + F), 1 + K] scratch
 ):
     """Advance every active realisation by the given updates.
 
@@ -48,7 +48,8 @@ def burst(
         state.d[t, 0, 0, 0] = state.v[t, 0, 0, 0]  # see the module's note on vectorisation
         re = ti.Vector.zero(state.d.dtype, lanes)
         im = ti.Vector.zero(state.d.dtype, lanes)
-        total = ti.Vector.zero(state.d.dtype, lanes)
+        total = ti.Vector.zero(ti.f64, lanes)  # sums of all modes: double in single precision, too
+        force = ti.Vector.zero(state.d.dtype, lanes)
         raised = ti.Vector.zero(state.d.dtype, lanes)
         for step in range(load.shape[0]):
             row = step * (1 + n_fields)
@@ -71,8 +72,10 @@ def burst(
                         t, row + 1 + f, first, n_modes, joined, joined_start, single, single_start,
                         c, on_average, alike, varying, state, total, re, im,
                     )  # fmt: skip
+                    for lane in range(lanes):
+                        force[lane] = ti.cast(total[lane], state.d.dtype)
                     for i in range(n_modes):
-                        spread(t, f, i, first, n_modes, varying, total, re, im)
+                        spread(t, f, i, first, n_modes, varying, force, re, im)
                         for lane in range(lanes):
                             state.d[t, i, 0, lane] = state.d[t, i, 0, lane] + re[lane]
                             state.d[t, i, 1, lane] = state.d[t, i, 1, lane] + im[lane]
@@ -105,12 +108,12 @@ def add_up(
     whole = 0.0
     for g in ti.static(range(n_groups)):
         whole = whole + w[g] * constant[a, g]
-    on_average[row, 0] = ti.cast(whole, state.d.dtype)
+    on_average[row, 0] = whole
     for k in range(mean.shape[2]):
         of_mode = 0.0
         for g in ti.static(range(n_groups)):
             of_mode = of_mode + w[g] * mean[a, g, k]
-        on_average[row, 1 + k] = ti.cast(of_mode, state.d.dtype)
+        on_average[row, 1 + k] = of_mode
 
 
 @ti.func

@@ -102,9 +102,7 @@ class March:
         for begin in range(0, len(load), at_once):
             here = slice(begin, begin + at_once)
             n = len(load[here]) * n_parts
-            added = (
-                np.empty((n, length), kind) for length in (2 * n_rows, 1 + len(self.following))
-            )
+            added = np.empty((n, 2 * n_rows), kind), np.empty((n, 1 + len(self.following)))
             burst(
                 load[here], every[here], *coefficients, *self.tables, self.following, self.first,
                 self.power_limit, self.n_tiles, self.n_groups, varies, is_alike(self.multipliers),

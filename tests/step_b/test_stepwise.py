@@ -40,7 +40,7 @@ def test_single_precision_errs_by_its_own_digits(stepping):
     grown = [outcome.amplitudes - start for outcome in outcomes]
     off = np.abs(grown[1] - grown[0]).max(axis=1) / np.abs(grown[0]).max(axis=1)
     assert 1e-9 < off.max() < 2e-6
-    np.testing.assert_allclose(outcomes[1].mean_settlement, outcomes[0].mean_settlement, rtol=5e-7)
+    np.testing.assert_allclose(outcomes[1].mean_settlement, outcomes[0].mean_settlement, rtol=1e-7)
 
 
 def test_single_precision_at_every_x_and_depth():
