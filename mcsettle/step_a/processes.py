@@ -1,26 +1,25 @@
 """Processes beside this one: spawned, one BLAS thread each, and gone when their parent is."""
 
+import ctypes
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import cache
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
 T = TypeVar("T")
 END = 5.0  # s that a process that was told to end is waited for
-# Environment of a spawned process: one BLAS thread; freed memory stays with it, because every
-# factorisation takes tens of megabytes whose pages the system would clear again each time (glibc).
-WORKER = {
-    "OPENBLAS_NUM_THREADS": "1",
-    "MALLOC_MMAP_THRESHOLD_": "1000000000",
-    "MALLOC_TRIM_THRESHOLD_": "1000000000",
-}
+WORKER = {"OPENBLAS_NUM_THREADS": "1"}  # environment of a spawned process
+M_MMAP_THRESHOLD, M_TRIM_THRESHOLD = -3, -1  # parameters of glibc's mallopt
+KEPT = (2**25, 2**30)  # bytes; before 2.35 it refuses the second
 
 
 def cores() -> int:
@@ -126,6 +125,20 @@ def _taken(draw: Callable[[], int]) -> int | None:
         return None
 
 
+@cache
+def keep_freed_memory() -> None:
+    """From now on this process keeps the memory that it frees, where its C library is glibc.
+
+    Every factorisation takes tens of megabytes; their pages given back, the system would clear them
+    again each time (a sixth of Step A).
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt is not None:
+        for most in KEPT:
+            mallopt(M_MMAP_THRESHOLD, most)
+            mallopt(M_TRIM_THRESHOLD, most)
+
+
 @contextmanager
 def together(n: int) -> Iterator[Together]:
     """``n`` processes, this one among them, for as long as the context lasts."""
@@ -141,6 +154,7 @@ ALONE = Together()
 
 def _end_with_parent() -> None:
     """In a new process: end when the parent does, however that is, and leave Ctrl-C to it."""
+    keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_await_parent, daemon=True).start()

@@ -17,7 +17,7 @@ from mcsettle.step_a.fem25d.settings import Settings
 from mcsettle.step_a.fem25d.solve import outputs, solve
 from mcsettle.step_a.fem25d.stress_outputs import centreline
 from mcsettle.step_a.fem25d.track_section import ElementProperties, track_section
-from mcsettle.step_a.processes import process_pool
+from mcsettle.step_a.processes import keep_freed_memory, process_pool
 from mcsettle.storage.files import cache_folder
 from mcsettle.types import Progress, silent
 
@@ -134,6 +134,7 @@ def _bases(model: _Model, folder: Path | None, progress: Progress, workers: int)
 
 def _compute(model: _Model, progress: Progress, workers: int) -> Bases:
     """Grow every band, here or in spawned processes; the result does not depend on which."""
+    keep_freed_memory()
     count = len(model.settings.bands)
     done: dict[int, tuple[Band, np.ndarray, np.ndarray]] = {}
 

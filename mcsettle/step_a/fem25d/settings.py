@@ -7,7 +7,7 @@ from mcsettle.errors import check_positive
 from mcsettle.step_a.fem25d.pml import Border
 from mcsettle.step_a.fem25d.section import MeshSettings
 
-WIDE_BANDS = (0.02, 0.1, 0.5, 1.5, 4.5, 12.0)  # rad/m
+WIDE_BANDS = (0.1, 0.5, 1.5, 12.0)  # rad/m
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Settings:
 def many_grounds_settings(max_speed: float, max_omega: float, softens: bool) -> Settings:
     """Settings for one ground of many, each of them alike and none looked at alone.
 
-    Six wide bands, eight points a panel and a mesh that grows faster away from the track, much faster on
+    Four wide bands, eight points a panel and a mesh that grows faster away from the track, much faster on
     soil that does not soften. What that does to stresses, days and effects, ``studies/many_grounds.py``
     measures (docs/verification.md). The tolerance is the usual one: near the critical speed twice as much
     moves effects by half a percentage point, by chance, from ground to ground.
