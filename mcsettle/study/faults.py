@@ -108,6 +108,7 @@ def _accepted(message: str) -> str:
     text = message.replace("Input should be a valid", "it must be a")
     text = text.replace("Input should be", "it must be")
     text = text.replace("tuple", "list").replace("dictionary", "table")
+    text = re.sub(r"be a (?=[aeiou])", "be an ", text)
     return re.sub(r" or instance of \w+$", "", text)
 
 

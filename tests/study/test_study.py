@@ -105,6 +105,7 @@ FAULTS = [
     ("profile.fra_class", 7, ["received 7", "6"]),
     ("run.realisations", 0, ["run.realisations", "received 0", "1"]),
     ("run.realisations", 10.5, ["received 10.5", "integer"]),
+    ("run.realisations", "many", ["received 'many'; it must be an integer"]),
     ("run.history_days", [1.0, NAN], ["run.history_days[2]", "nan"]),
     ("seed", -1, ["received -1"]),
     ("scenarios", [], ["scenarios: is empty"]),
