@@ -19,7 +19,7 @@ T = TypeVar("T")
 END = 5.0  # s that a process that was told to end is waited for
 WORKER = {"OPENBLAS_NUM_THREADS": "1"}  # environment of a spawned process
 M_MMAP_THRESHOLD, M_TRIM_THRESHOLD = -3, -1  # parameters of glibc's mallopt
-KEPT = (2**25, 2**30)  # bytes; before 2.35 it refuses the second
+KEPT = (2**25, 2**30)  # bytes; older ones refuse the second
 
 
 def cores() -> int:
@@ -39,7 +39,7 @@ def process_pool(n: int) -> Iterator[ProcessPoolExecutor]:
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     with _environment():
-        pool = ProcessPoolExecutor(n, mp_context=context, initializer=_end_with_parent)
+        pool = ProcessPoolExecutor(n, mp_context=context, initializer=_begin)
         try:
             yield pool
         except BaseException:
@@ -152,9 +152,14 @@ def together(n: int) -> Iterator[Together]:
 ALONE = Together()
 
 
+def _begin() -> None:
+    """What a new process of a pool does first."""
+    keep_freed_memory()
+    _end_with_parent()
+
+
 def _end_with_parent() -> None:
     """In a new process: end when the parent does, however that is, and leave Ctrl-C to it."""
-    keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_await_parent, daemon=True).start()

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
-import scipy.sparse.linalg
 import toy
 
 from mcsettle.railway.track import CASE_STUDY_TRACK, VALIDATION_TRACK, Material, rayleigh_speed
@@ -17,7 +16,6 @@ from mcsettle.step_a.depths import geostatic_stress
 from mcsettle.step_a.fem25d import MeshSettings, Settings, section_response
 from mcsettle.step_a.fem25d.depth_grid import depth_grid
 from mcsettle.step_a.fem25d.element import smeared_stiffness
-from mcsettle.step_a.fem25d.elimination import SUPERLU, factors
 from mcsettle.step_a.fem25d.largest_deflection import critical_speed, deflections
 from mcsettle.step_a.fem25d.mesh_lines import growing_lines, uniform_lines
 from mcsettle.step_a.fem25d.pml import Border
@@ -30,8 +28,6 @@ from mcsettle.step_a.fem25d.wavenumber_rule import (
     wavenumber_quadrature,
 )
 
-# Eigenvectors of these bases are nearly dependent at some wavenumbers: up to 7e-5 of an output.
-MODES = 1e-4
 MESH = MeshSettings(size=0.3, growth=1.5, largest=1.5, border=Border(elements=7))
 COARSE = Settings(
     mesh=MESH, max_omega=60.0, max_speed=60.0, bands=(0.05, 0.4, 1.5, 4.0), tolerance=5e-3
@@ -97,9 +93,9 @@ def test_modes_agree_with_plain_solutions(response):
     for i in range(0, half, 111):
         k = nodes[i]
         exact = response.at(k, np.array([omega + k * speed]))[0]
-        assert spectrum.receptance[half + i] == pytest.approx(exact[0], rel=MODES, abs=0.0)
+        assert spectrum.receptance[half + i] == pytest.approx(exact[0], rel=1e-6, abs=0.0)
         np.testing.assert_allclose(
-            spectrum.stress[half + i].ravel(), exact[1:], atol=MODES * np.abs(exact[1:]).max()
+            spectrum.stress[half + i].ravel(), exact[1:], atol=1e-6 * np.abs(exact[1:]).max()
         )
 
 
@@ -124,19 +120,9 @@ def test_a_shorter_border_serves_larger_wavenumbers(section):
     assert section.for_wavenumbers(0.0, MESH.border) is section
 
 
-def test_unknowns_are_in_the_order_of_elimination(section):
-    """As few entries in the factors as where the order is sought anew; in another order many more."""
-    for part in (section, section.for_wavenumbers(1.5, MESH.border)):
-        matrix = operator(part, 2.0, 20.0)
-        sought = scipy.sparse.linalg.splu(matrix, permc_spec="MMD_AT_PLUS_A", **SUPERLU).L.nnz
-        assert factors(matrix).L.nnz < 1.1 * sought
-        by_place = np.argsort(part.free)
-        assert factors(matrix[by_place][:, by_place].tocsc()).L.nnz > 2.0 * sought
-
-
 def test_a_cut_border_is_a_part_of_the_whole(section):
     part = section.for_wavenumbers(0.5, MESH.border)
-    kept = np.flatnonzero(np.isin(section.free, part.free))
+    kept = np.searchsorted(section.free, part.free)
     whole = operator(section, 0.7, 20.0)[kept][:, kept]
     assert abs(whole - operator(part, 0.7, 20.0)).max() == 0.0
     assert np.abs(part.load).sum() == np.abs(section.load).sum()
@@ -179,9 +165,9 @@ def test_spectra_obey_parity_and_conjugation(response):
             value[-z:] *= -1.0  # τxz is odd in k
         else:
             value = value.conj()  # f(-k, -ω) = conj f(k, ω), τxz included
-        assert spectrum.receptance[i] == pytest.approx(value[0], rel=MODES, abs=0.0)
+        assert spectrum.receptance[i] == pytest.approx(value[0], rel=1e-6, abs=0.0)
         np.testing.assert_allclose(
-            spectrum.stress[i].ravel(), value[1:], atol=MODES * np.abs(value[1:]).max()
+            spectrum.stress[i].ravel(), value[1:], atol=1e-6 * np.abs(value[1:]).max()
         )
 
 

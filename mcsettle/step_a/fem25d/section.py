@@ -18,7 +18,6 @@ from mcsettle.step_a.fem25d.element import (
     element_operators,
     vector_basis,
 )
-from mcsettle.step_a.fem25d.elimination import elimination_order
 from mcsettle.step_a.fem25d.mesh_lines import Lines, element_columns, structured_mesh
 from mcsettle.step_a.fem25d.pml import Border
 from mcsettle.step_a.fem25d.stress_outputs import stress_operators
@@ -178,7 +177,6 @@ def build_section(
 class Grid:
     """Elements of a half section: their basis, free unknowns, materials and places.
 
-    ``free`` has the order in which the unknowns are best eliminated.
     ``place`` [2, E] column and row (counted downwards); ``material`` [E] index of the material.
     """
 
@@ -205,7 +203,6 @@ def laid_out(
     )
     basis = vector_basis(mesh)
     free = _free_unknowns(basis, y.position[-1], top - depth.position[-1])
-    free = free[elimination_order(Pattern.of(basis.element_dofs, free))]
     return Grid(basis, free, cells, place, chosen)
 
 

@@ -134,7 +134,6 @@ def _bases(model: _Model, folder: Path | None, progress: Progress, workers: int)
 
 def _compute(model: _Model, progress: Progress, workers: int) -> Bases:
     """Grow every band, here or in spawned processes; the result does not depend on which."""
-    keep_freed_memory()
     count = len(model.settings.bands)
     done: dict[int, tuple[Band, np.ndarray, np.ndarray]] = {}
 
@@ -142,6 +141,7 @@ def _compute(model: _Model, progress: Progress, workers: int) -> Bases:
         progress("Track response", len(done), count)
 
     if workers == 1:
+        keep_freed_memory()
         section = model.section()
         for i in range(count):
             done[i] = _grow(section, model, i)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from mcsettle.errors import NumericalError, check_positive
 from mcsettle.railway.modulus_curves import Curve, reduction
@@ -23,10 +24,10 @@ from mcsettle.railway.softening_choices import OCTAHEDRAL, SofteningSettings
 from mcsettle.railway.track import SectionTrack, without_laws
 from mcsettle.railway.traffic import Train
 from mcsettle.step_a.fem25d.element_scaling import Frame, track_frame
-from mcsettle.step_a.fem25d.elimination import factors
 from mcsettle.step_a.fem25d.moving_load import rail_coupling
 from mcsettle.step_a.fem25d.passing_train import along_train, line_wavenumbers, places
 from mcsettle.step_a.fem25d.section import MeshSettings
+from mcsettle.step_a.fem25d.solve import SUPERLU
 from mcsettle.step_a.fem25d.track_section import ElementProperties
 from mcsettle.types import Progress, silent
 
@@ -191,7 +192,7 @@ def strain_spectra(
     for j, k in enumerate(wavenumbers.tolist()):
         data = k0.data + k * k1.data + k**2 * k2.data - (k * speed) ** 2 * frame.mass.data
         operator, inside = sp.csc_matrix((data, k0.indices, k0.indptr), k0.shape), frame.needed(k)
-        lu = factors(operator[inside][:, inside].tocsc())
+        lu = spla.splu(operator[inside][:, inside].tocsc(), **SUPERLU)
         u = np.zeros(frame.load.size, dtype=np.complex128)
         u[inside] = lu.solve(frame.load[inside].astype(np.complex128))
         foot[j] = frame.load @ u
