@@ -130,7 +130,7 @@ def keep_freed_memory() -> None:
     """From now on this process keeps the memory that it frees, where its C library is glibc.
 
     Every factorisation takes tens of megabytes; their pages given back, the system would clear them
-    again each time (a sixth of Step A).
+    again each time (a sixth of Step A or more).
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
