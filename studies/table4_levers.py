@@ -27,7 +27,7 @@ from mcsettle.step_a.depths import geostatic_stress
 from mcsettle.step_a.fem25d import MeshSettings
 from mcsettle.step_a.fem25d.depth_grid import depth_grid
 from mcsettle.step_a.fem25d.element_scaling import track_frame
-from mcsettle.step_a.fem25d.moving_load import rail_coupling
+from mcsettle.step_a.fem25d.line_spectra import rail_coupling
 from mcsettle.step_a.fem25d.passing_train import along_train, line_wavenumbers, places
 from mcsettle.step_a.fem25d.softening import soften
 from mcsettle.step_a.fem25d.solve import outputs, solve

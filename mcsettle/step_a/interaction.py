@@ -12,7 +12,6 @@ functions that are all Step B knows; ``save`` and ``load`` keep them on disk.
 
 import hashlib
 import json
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from mcsettle.errors import check_positive
 from mcsettle.railway.rail_loads import HALF, RailLoads
 from mcsettle.railway.traffic import Train
 from mcsettle.railway.vehicle import vehicle_compliance
-from mcsettle.step_a.transfer import TrackResponse, TransferFunctions, WavenumberSpectra
+from mcsettle.step_a.transfer import Spectra, TrackResponse, TransferFunctions
 from mcsettle.step_a.transfer_file import load, save
 from mcsettle.types import Progress, silent
 from mcsettle.units import KMH
@@ -60,7 +59,7 @@ def train_compliance(train: Train, omega: float) -> ComplexArray:
     return matrix
 
 
-def track_compliance_matrix(spectra: WavenumberSpectra, positions: Array) -> ComplexArray:
+def track_compliance_matrix(spectra: Spectra, positions: Array) -> ComplexArray:
     """Compliance of the rail between axles, moving with the train.
 
     T_c,jl = (1/2π) ∫ ũ(k, Ω + kv) e^{-ik(a_j - a_l)} dk; Eq. (13) is its diagonal.
@@ -85,7 +84,7 @@ def axle_phases(wavenumbers: Array, positions: Array) -> ComplexArray:
     return phases
 
 
-def compliance_between(spectra: WavenumberSpectra, phases: ComplexArray) -> ComplexArray:
+def compliance_between(spectra: Spectra, phases: ComplexArray) -> ComplexArray:
     """T_c [J, J] m/N of ``track_compliance_matrix`` from ``axle_phases`` [J, Q]."""
     scaled = phases * (spectra.weights * spectra.receptance / (2.0 * np.pi))
     return np.asarray(scaled @ phases.conj().T, dtype=complex)
@@ -196,23 +195,21 @@ def _swept(
     force, compliance = np.empty((size, modes), dtype=complex), np.empty(modes, dtype=complex)
     waves, phases = np.empty(0), np.empty((size, 0), dtype=complex)
     omegas = np.concatenate([[0.0], kappa * speed])
+    wheels = 2.0 if whole else 1.0  # whose load one rail carries
     stage = f"Step A: {train.name} at {speed / KMH:.0f} km/h"
     for step, spectra in enumerate(response.spectra(speed, omegas)):
-        if whole:  # twice the force
-            twice = {"receptance": 2.0 * spectra.receptance, "stress": 2.0 * spectra.stress}
-            spectra = replace(spectra, **twice)
         if spectra.wavenumbers is not waves:
             waves, phases = spectra.wavenumbers, axle_phases(spectra.wavenumbers, positions)
         if step == 0:
-            stress, rail = _under_axles(spectra, phases, train.axle_forces.astype(complex))
+            stress, rail = _under_axles(spectra, phases, wheels * train.axle_forces.astype(complex))
             quasi_static[:], deflection[:] = stress.real, rail.real
         else:
             mode = step - 1
             excitation = np.exp(1j * kappa[mode] * positions)
-            track = compliance_between(spectra, phases)
+            track = wheels * compliance_between(spectra, phases)
             vehicle = train_compliance(train, float(omegas[step]))
             forces = dynamic_forces(vehicle, track, excitation, hertz_stiffness)
-            stress, _ = _under_axles(spectra, phases, forces)
+            stress, _ = _under_axles(spectra, phases, wheels * forces)
             dynamic[:, mode] = stress * excitation.conj()[:, None, None]
             force[:, mode] = forces * excitation.conj()
             compliance[mode] = track[0, 0]
@@ -221,14 +218,12 @@ def _swept(
 
 
 def _under_axles(
-    spectra: WavenumberSpectra, phases: ComplexArray, forces: ComplexArray
+    spectra: Spectra, phases: ComplexArray, forces: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Stress [J, 4, Z] Pa and rail displacement [J] m under each axle, all forces [J] acting."""
     load = (forces @ phases.conj()) * spectra.weights / (2.0 * np.pi)
     scaled = phases * load
-    flat = spectra.stress.reshape(spectra.wavenumbers.size, -1)
-    stress = (scaled @ flat).reshape(phases.shape[0], *spectra.stress.shape[1:])
-    return stress, scaled @ spectra.receptance
+    return spectra.stress_under(scaled), scaled @ spectra.receptance
 
 
 def _check(speed: float, wavenumbers: Array, hertz_stiffness: float) -> None:

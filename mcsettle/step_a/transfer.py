@@ -34,19 +34,47 @@ class DepthGrid:
     layer: np.ndarray
 
 
+class Spectra(Protocol):
+    """Response to a unit moving load at one (Ω, v) as quadrature over wavenumber, both signs."""
+
+    @property
+    def wavenumbers(self) -> np.ndarray:
+        """Wavenumbers k [Q] rad/m, always the same object for one rule."""
+        ...
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights [Q] rad/m that integrate over k; the factor 1/2π is *not* in them."""
+        ...
+
+    @property
+    def receptance(self) -> np.ndarray:
+        """The rail's ũ(k, Ω + kv) [Q] m/N·m, positive down."""
+        ...
+
+    @property
+    def stress(self) -> np.ndarray:
+        """Stress [Q, 4, Z] Pa/N·m in the order of ``COMPONENTS``, positive in tension."""
+        ...
+
+    def stress_under(self, factors: np.ndarray) -> np.ndarray:
+        """Sums [J, 4, Z] of the stress over the wavenumbers with ``factors`` [J, Q]."""
+        ...
+
+
 @dataclass(frozen=True)
 class WavenumberSpectra:
-    """Response to a unit moving load at one (Ω, v) as quadrature over wavenumber, both signs.
-
-    ``wavenumbers`` [Q] rad/m and ``weights`` [Q] rad/m integrate over k; ``receptance`` [Q] m/N·m is
-    the rail's ũ(k, Ω + kv), positive down; ``stress`` [Q, 4, Z] Pa/N·m in the order of
-    ``COMPONENTS``, positive in tension. The factor 1/2π is *not* in the weights.
-    """
+    """``Spectra`` all of whose stresses are known: [Q], [Q], [Q] and [Q, 4, Z]."""
 
     wavenumbers: np.ndarray
     weights: np.ndarray
     receptance: np.ndarray
     stress: np.ndarray
+
+    def stress_under(self, factors: np.ndarray) -> np.ndarray:
+        """Sums [J, 4, Z] of the stress over the wavenumbers with ``factors`` [J, Q]."""
+        flat = self.stress.reshape(self.wavenumbers.size, -1)
+        return np.asarray((factors @ flat).reshape(factors.shape[0], *self.stress.shape[1:]))
 
 
 class TrackResponse(Protocol):
@@ -80,11 +108,11 @@ class TrackResponse(Protocol):
     def standing(self, wavenumbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Response to a standing load per wheelset (ω → 0) at ``wavenumbers`` [K] rad/m.
 
-        Receptance [K] m/N·m and stress [K, 4, Z] Pa/N·m, as in ``WavenumberSpectra``.
+        Receptance [K] m/N·m and stress [K, 4, Z] Pa/N·m, as in ``Spectra``.
         """
         ...
 
-    def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
+    def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[Spectra]:
         """Spectra at ``speed`` [m/s] for each driving frequency Ω of ``omegas`` [rad/s], in order.
 
         Ω = 0 is the quasi-static case of a constant moving load.

@@ -23,7 +23,7 @@ from mcsettle.railway.track import CASE_STUDY_TRACK, SectionTrack, without_laws
 from mcsettle.step_a.fem25d import MeshSettings, Settings, section_response
 from mcsettle.step_a.fem25d.cache import FORMAT, digest_of, read_arrays, write_arrays
 from mcsettle.step_a.fem25d.depth_grid import depth_grid
-from mcsettle.step_a.fem25d.moving_load import rail_coupling
+from mcsettle.step_a.fem25d.line_spectra import rail_coupling
 from mcsettle.step_a.fem25d.pml import Border
 from mcsettle.step_a.fem25d.solve import outputs, solve
 from mcsettle.step_a.fem25d.track_section import track_section

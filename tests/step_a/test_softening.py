@@ -130,7 +130,7 @@ def test_static_strip_load_strains_the_ground_as_the_closed_form():
 
 def spectra_force(frame, k):
     """Force on one pad per unit force per wheelset at (k, ω → 0)."""
-    from mcsettle.step_a.fem25d.moving_load import rail_coupling
+    from mcsettle.step_a.fem25d.line_spectra import rail_coupling
     from mcsettle.step_a.fem25d.section import Section
 
     stiffness = frame.stiffness(unchanged(frame))

@@ -14,7 +14,7 @@ import numpy as np
 
 from mcsettle.step_a.fem25d.modal import ModalBand
 from mcsettle.step_a.fem25d.moving_load import SectionResponse
-from mcsettle.step_a.transfer import COMPONENTS, WavenumberSpectra
+from mcsettle.step_a.transfer import COMPONENTS, Spectra, WavenumberSpectra
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class FieldSpectra:
     ``rail`` as of a track's response (without stresses); ``ground`` [Q, D] m/N·m at its wavenumbers.
     """
 
-    rail: WavenumberSpectra
+    rail: Spectra
     ground: np.ndarray
 
 
@@ -54,5 +54,7 @@ class CentrelineField:
         none = np.zeros((k.size, len(COMPONENTS), 0))
         for omega in np.atleast_1d(omegas):  # one by one: there are many heights
             lines = self.response.along_lines(self._modal, 0, speed, np.array([omega]))
-            for values in lines:
-                yield FieldSpectra(WavenumberSpectra(k, weights, values[:, 0], none), values[:, 1:])
+            for line in lines:
+                yield FieldSpectra(
+                    WavenumberSpectra(k, weights, line.receptance, none), line.outputs
+                )

@@ -1,12 +1,8 @@
 """Step A as Step B sees it: the response of a ballasted track to a moving oscillating load.
 
 The reduced section gives H, the mean displacement under the rail foot, and the stresses per unit
-pad force. Rail (EI k⁴ - m ω²) and pad (p = k_p + iωc_p) join in closed form: with the support
-stiffness S = 1/(1/p + H) a force F on one rail gives the rail F/(EI k⁴ - mω² + S) and the pad S
-times that. A unit force per wheelset is F = 1/2 on each rail.
-
-Below zero frequency the hysteretic moduli are conjugate, so response(k, -ω) = conj response(-k, ω);
-σxx, σyy, σzz and the displacement are even in k, τxz is odd.
+pad force; ``line_spectra`` joins rail and pad. σxx, σyy, σzz and the displacement are even in k, τxz is
+odd.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,6 +14,7 @@ import numpy as np
 from mcsettle.railway.track import SectionTrack, rayleigh_speed
 from mcsettle.step_a.depths import geostatic_stress
 from mcsettle.step_a.fem25d.depth_grid import depth_grid
+from mcsettle.step_a.fem25d.line_spectra import LineSpectra, line_spectra, rail_coupling
 from mcsettle.step_a.fem25d.modal import ModalBand, modal_bands
 from mcsettle.step_a.fem25d.reduced_basis import Band, Bases
 from mcsettle.step_a.fem25d.settings import Settings
@@ -25,35 +22,12 @@ from mcsettle.step_a.fem25d.track_section import ElementProperties
 from mcsettle.step_a.fem25d.wavenumber_rule import (
     Quadrature,
     Support,
-    jump_shares,
     smooth_support,
     wavenumber_quadrature,
 )
-from mcsettle.step_a.transfer import DepthGrid, WavenumberSpectra
+from mcsettle.step_a.transfer import DepthGrid
 
 CHUNK = 8  # driving frequencies evaluated together
-
-
-def rail_coupling(
-    track: SectionTrack,
-    k: np.ndarray,
-    omega: np.ndarray,
-    foot: np.ndarray,
-    sign: np.ndarray | float = 1.0,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rail receptance [m/N·m] and force on one pad [N/N] under a unit force per wheelset.
-
-    ``foot`` is the mean displacement under the rail foot per unit pad force [m/N·m] at the
-    wavenumbers ``k`` [rad/m] and frequencies ``omega`` [rad/s]; ``sign`` that of the frequency
-    whose moduli are meant. All [N].
-    """
-    rail, pad = track.rail, track.pad
-    factor = 2.0 if track.damping_convention == "damping_ratio" else 1.0
-    bending = rail.bending_stiffness * (1.0 + 1j * factor * rail.damping * sign)
-    free = bending * k**4 - rail.mass_per_length * omega**2
-    support = 1.0 / (1.0 / (pad.stiffness + 1j * omega * pad.damping) + foot)
-    receptance = 0.5 / (free + support)
-    return receptance, support * receptance
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +117,7 @@ class SectionResponse:
     def _modal(self) -> list[ModalBand]:
         return self.modal(self.bands)
 
-    def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
+    def spectra(self, speed: float, omegas: np.ndarray) -> Iterator[LineSpectra]:
         """Spectra at ``speed`` [m/s] for each driving frequency Ω of ``omegas`` [rad/s], in order.
 
         Raises
@@ -161,14 +135,8 @@ class SectionResponse:
                 f"[0, {s.max_omega}]"
             )
         for start in range(0, omegas.size, CHUNK):
-            yield from self._chunk(speed, omegas[start : start + CHUNK])
-
-    def _chunk(self, speed: float, omegas: np.ndarray) -> Iterator[WavenumberSpectra]:
-        """Spectra for a few driving frequencies at once."""
-        k, weights = self.quadrature.both_signs
-        for both in self.along_lines(self._modal, self.grid.z.size, speed, omegas):
-            stress = both[:, 1:].reshape(k.size, 4, -1)
-            yield WavenumberSpectra(k, weights, np.ascontiguousarray(both[:, 0]), stress)
+            part = omegas[start : start + CHUNK]
+            yield from self.along_lines(self._modal, self.grid.z.size, speed, part)
 
     def modal(self, bands: tuple[Band, ...]) -> list[ModalBand]:
         """``bands`` diagonalised at the wavenumbers of the support."""
@@ -176,37 +144,24 @@ class SectionResponse:
 
     def along_lines(
         self, modal: list[ModalBand], odd: int, speed: float, omegas: np.ndarray
-    ) -> Iterator[np.ndarray]:
-        """Rail and ground per unit force per wheelset on ω = Ω + k v, [2 N, 1 + D] for each Ω.
+    ) -> Iterator[LineSpectra]:
+        """Rail and ground per unit force per wheelset on ω = Ω + k v, for each Ω.
 
         ``modal`` give the mean displacement of the rail foot and D further outputs per unit pad
         force; the last ``odd`` of them are odd in k, the others even.
         """
-        q = self.quadrature
-        ahead = omegas[:, None] + q.nodes * speed
-        behind = omegas[:, None] - q.nodes * speed
-        # The ground is computed at the wavenumbers of the support and interpolated between them; rail
-        # and pad, which vary faster, are added at every wavenumber. k < 0 is k > 0 at ω = Ω - kv.
+        # k < 0 is k > 0 at ω = Ω - kv.
         at_support = np.concatenate(
             [omegas[:, None] + v * self._support.nodes for v in (speed, -speed)]
         )
         parts = [band.outputs(at_support[:, band.nodes]) for band in modal]
-        ground = self._support.spread(np.concatenate(parts, axis=1))
-        for i, omega in enumerate(omegas):
-            positive = self._coupled(ground[i], odd, q.nodes, ahead[i], 1.0)
-            reverse = ground[omegas.size + i]
-            sign = np.where(behind[i] >= 0.0, 1.0, -1.0)
-            negative = self._coupled(reverse, odd, q.nodes, behind[i], sign)
-            jump = jump_shares(q, omega / speed) if omega > 0.0 else None
-            if jump is not None:  # damping changes sign inside this panel
-                at, share = jump
-                plus, minus = (
-                    self._coupled(reverse[at], odd, q.nodes[at], behind[i][at], side)
-                    for side in (1.0, -1.0)
-                )
-                negative[at] = share[:, None] * plus + (1.0 - share)[:, None] * minus
-            negative[:, negative.shape[1] - odd :] *= -1.0
-            yield np.concatenate([negative[::-1], positive])
+        ground = np.concatenate(parts, axis=1)
+        foot = self._support.spread(ground[:, :, :1])[:, :, 0]
+        rule, outputs = (self.quadrature, self._support), ground[:, :, 1:]
+        for i, omega in enumerate(omegas.tolist()):
+            j = i + omegas.size
+            pair, feet = (outputs[i], outputs[j]), (foot[i], foot[j])
+            yield line_spectra(self.track, rule, pair, feet, odd, speed, omega)
 
     def at(self, wavenumber: float, omegas: np.ndarray) -> np.ndarray:
         """Rail receptance and stresses [W, 1 + 4 Z] at one k ≥ 0 and several ω ≥ 0.
@@ -217,25 +172,5 @@ class SectionResponse:
         band = self.bands[min(int(np.searchsorted(uppers, wavenumber)), uppers.size - 1)]
         values = band.outputs(wavenumber, omegas)
         k = np.full(omegas.size, wavenumber)
-        return self._coupled(values, self.grid.z.size, k, omegas, 1.0)
-
-    def _coupled(
-        self,
-        ground: np.ndarray,
-        odd: int,
-        k: np.ndarray,
-        omega: np.ndarray,
-        sign: np.ndarray | float,
-    ) -> np.ndarray:
-        """Rail receptance and outputs under a unit force per wheelset, [N, 1 + D].
-
-        ``ground`` are the outputs with the moduli of positive frequency, the last ``odd`` of them
-        odd in k; ``sign`` is the sign of the frequency whose moduli are meant.
-        """
-        sign = np.broadcast_to(np.asarray(sign, dtype=float), k.shape)
-        values = np.where(sign[:, None] > 0.0, ground, ground.conj())
-        values[:, values.shape[1] - odd :] *= sign[:, None]
-        receptance, force = rail_coupling(self.track, k, omega, values[:, 0], sign)
-        values = values * force[:, None]
-        values[:, 0] = receptance
-        return np.asarray(values)
+        receptance, force = rail_coupling(self.track, k, omegas, values[:, 0])
+        return np.column_stack([receptance, values[:, 1:] * force[:, None]])

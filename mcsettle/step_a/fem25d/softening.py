@@ -24,7 +24,7 @@ from mcsettle.railway.softening_choices import OCTAHEDRAL, SofteningSettings
 from mcsettle.railway.track import SectionTrack, without_laws
 from mcsettle.railway.traffic import Train
 from mcsettle.step_a.fem25d.element_scaling import Frame, track_frame
-from mcsettle.step_a.fem25d.moving_load import rail_coupling
+from mcsettle.step_a.fem25d.line_spectra import rail_coupling
 from mcsettle.step_a.fem25d.passing_train import along_train, line_wavenumbers, places
 from mcsettle.step_a.fem25d.section import MeshSettings
 from mcsettle.step_a.fem25d.solve import SUPERLU

@@ -85,6 +85,29 @@ class Support:
                 at_nodes[:, rule] = (matrix @ part.view(np.float64)).view(np.complex128)
         return at_nodes
 
+    def gathered(self, factors: np.ndarray, nodes: slice) -> tuple[slice, np.ndarray]:
+        """Factors of the support's values that give the sum of ``factors`` times those at the rule.
+
+        ``factors`` [J, n] complex stand at the rule's ``nodes``.
+
+        Returns
+        -------
+        (slice of the support, factors [J, M] there)
+            From the first piece that has some of the nodes to the last.
+        """
+        halves = np.stack([factors.real, factors.imag])  # real times complex, as real times real
+        sums, places = [], []
+        for support, rule, matrix in self.pieces:
+            first, last = max(rule.start, nodes.start), min(rule.stop, nodes.stop)
+            if first >= last:
+                continue
+            part = halves[:, :, first - nodes.start : last - nodes.start]
+            rows = np.eye(rule.stop - rule.start) if matrix is None else matrix
+            sums.append(part @ rows[first - rule.start : last - rule.start])
+            places.append(support)
+        real, imaginary = np.concatenate(sums, axis=2)
+        return slice(places[0].start, places[-1].stop), real + 1j * imaginary
+
 
 def smooth_support(quadrature: Quadrature, damping: float) -> Support:
     """Support of responses of a ground with damping ratio ``damping`` or more.
