@@ -1,7 +1,7 @@
 """Step A: operators, reduced basis, response, cache."""
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, fields, replace
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ from mcsettle.step_a.fem25d.largest_deflection import critical_speed, deflection
 from mcsettle.step_a.fem25d.mesh_lines import growing_lines, uniform_lines
 from mcsettle.step_a.fem25d.pml import Border
 from mcsettle.step_a.fem25d.reduced_basis import output_error
+from mcsettle.step_a.fem25d.settings import many_grounds_settings
 from mcsettle.step_a.fem25d.solve import factorise, operator, outputs, solve
 from mcsettle.step_a.fem25d.track_section import track_section
 from mcsettle.step_a.fem25d.wavenumber_rule import (
@@ -27,6 +28,7 @@ from mcsettle.step_a.fem25d.wavenumber_rule import (
     smooth_support,
     wavenumber_quadrature,
 )
+from mcsettle.step_a.transfer import WavenumberSpectra
 
 MESH = MeshSettings(size=0.3, growth=1.5, largest=1.5, border=Border(elements=7))
 COARSE = Settings(
@@ -128,6 +130,37 @@ def test_a_cut_border_is_a_part_of_the_whole(section):
     assert np.abs(part.load).sum() == np.abs(section.load).sum()
 
 
+@pytest.mark.parametrize(
+    "nodes", [slice(0, 2000), slice(0, 700), slice(701, 703), slice(900, 2000)]
+)
+def test_gathering_is_the_transpose_of_spreading(nodes):
+    rng = np.random.default_rng(5)
+    rule = wavenumber_quadrature(12.0, 0.045, 12)
+    support = smooth_support(rule, 0.03)
+    nodes = slice(nodes.start, min(nodes.stop, rule.nodes.size))
+    values = (rng.standard_normal((support.nodes.size, 2)) @ [1.0, 1j])[None, :, None]
+    factors = rng.standard_normal((3, nodes.stop - nodes.start, 2)) @ [1.0, 1j]
+    at, gathered = support.gathered(factors, nodes)
+    exact = factors @ support.spread(values)[0, nodes, 0]
+    np.testing.assert_allclose(gathered @ values[0, at, 0], exact, rtol=1e-12)
+
+
+def test_longer_panels_and_pieces_serve_one_ground_of_many(response):
+    """Half as many wavenumbers; the integral over k to a fraction of what bases and mesh err by."""
+    of_many = many_grounds_settings(COARSE.max_speed, COARSE.max_omega, softens=False)
+    points = {n: getattr(of_many, n) for n in ("panel_points", "panel_ratio", "piece_ratio")}
+    rough = replace(response, settings=replace(COARSE, panel=of_many.panel, **points))
+    fine = replace(response, settings=replace(COARSE, panel=of_many.panel))
+    assert rough._support.nodes.size < 0.5 * fine._support.nodes.size
+    for omega in (0.0, 25.0):
+        sums = []
+        for r in (rough, fine):
+            s = next(r.spectra(50.0, np.array([omega])))
+            phases = np.exp(-1j * np.outer([0.0, 8.0, 40.0], s.wavenumbers)) * s.weights
+            sums.append(s.stress_under(phases))
+        assert np.abs(sums[0] - sums[1]).max() < 1e-3 * np.abs(sums[1]).max()
+
+
 @pytest.mark.parametrize("damping", [0.0, 0.02, 0.05])
 def test_support_spreads_responses_with_damped_poles(damping):
     """Poles at k = k₀ (1 ± iξ), as those of surface waves; undamped: the rule's own wavenumbers."""
@@ -169,6 +202,19 @@ def test_spectra_obey_parity_and_conjugation(response):
         np.testing.assert_allclose(
             spectrum.stress[i].ravel(), value[1:], atol=1e-6 * np.abs(value[1:]).max()
         )
+
+
+@pytest.mark.parametrize("omega", [0.0, 20.0, 26.1, 59.0])
+def test_sums_under_a_train_are_those_of_the_stresses_at_every_wavenumber(response, omega):
+    """With the change of sign nowhere, inside a panel, and inside a piece of several panels."""
+    spectrum = next(response.spectra(50.0, np.array([omega])))
+    factors = np.exp(-1j * np.outer([0.0, -2.5, -17.3], spectrum.wavenumbers)) * spectrum.weights
+    exact = np.tensordot(factors, spectrum.stress, 1)
+    found = spectrum.stress_under(factors)
+    assert found.shape == (3, 4, response.grid.z.size)
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-13 * np.abs(exact).max())
+    dense = WavenumberSpectra(*(getattr(spectrum, f.name) for f in fields(WavenumberSpectra)))
+    np.testing.assert_allclose(dense.stress_under(factors), exact, rtol=1e-12)
 
 
 def test_change_of_sign_of_the_frequency_inside_a_panel(response):
@@ -358,11 +404,30 @@ def test_mesh_lines_meet_their_breaks():
     assert np.all(np.diff(growing) < 0.91)
 
 
+def test_bases_do_not_depend_on_the_quadrature_and_usual_settings_keep_their_name():
+    """What was stored before a setting existed is found again."""
+    usual, quadrature = Settings(), ("panel", "panel_points", "panel_ratio", "piece_ratio")
+    new = {"least_solves", "panel_ratio", "piece_ratio"}
+    assert not new & set(usual.description)
+    other = replace(
+        usual, least_solves=5, panel=0.1, panel_points=6, panel_ratio=0.5, piece_ratio=9.0
+    )
+    assert new < set(other.description)
+    assert other.of_bases == replace(usual, least_solves=5).of_bases != usual.of_bases
+    assert {n for n in asdict(other) if getattr(other.of_bases, n) != getattr(other, n)} == {
+        *quadrature
+    }
+
+
 def test_settings_refuse_nonsense():
     with pytest.raises(ValueError, match="bands"):
         Settings(bands=(1.0, 0.5))
     with pytest.raises(ValueError, match="tolerance"):
         Settings(tolerance=0.0)
+    with pytest.raises(ValueError, match="piece_ratio"):
+        Settings(piece_ratio=0.0)
+    with pytest.raises(ValueError, match="least_solves 0"):
+        Settings(least_solves=0)
     with pytest.raises(ValueError, match="mesh sizes"):
         MeshSettings(size=0.0)
     with pytest.raises(ValueError, match="workers"):

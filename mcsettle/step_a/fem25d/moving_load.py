@@ -105,13 +105,13 @@ class SectionResponse:
     def quadrature(self) -> Quadrature:
         """Rule over positive wavenumbers."""
         s = self.settings
-        return wavenumber_quadrature(s.bands[-1], s.panel, s.panel_points)
+        return wavenumber_quadrature(s.bands[-1], s.panel, s.panel_points, s.panel_ratio)
 
     @cached_property
     def _support(self) -> Support:
         factor = 0.5 if self.track.damping_convention == "loss_factor" else 1.0
         least = min(layer.material.damping for layer in self.track.layers)
-        return smooth_support(self.quadrature, factor * least)
+        return smooth_support(self.quadrature, factor * least, self.settings.piece_ratio)
 
     @cached_property
     def _modal(self) -> list[ModalBand]:

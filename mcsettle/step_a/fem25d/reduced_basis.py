@@ -32,7 +32,6 @@ SKETCH = 64  # rows of the random sketch
 SKETCH_SEED = 20_240_117
 NO_ROWS = np.empty(0, dtype=int)
 CONFIRMATIONS = 2  # predicted solutions within the tolerance that end the growth, one of each kind
-LEAST = 8  # solutions; with fewer, two good predictions may be chance
 
 
 @dataclass(frozen=True)
@@ -233,6 +232,7 @@ def grow_band(
     upper: float,
     training: TrainingSet,
     tolerance: float,
+    least_solves: int = 8,
     max_solves: int = 60,
     rows: np.ndarray = NO_ROWS,
 ) -> Band:
@@ -248,8 +248,8 @@ def grow_band(
         Candidates for the next solution.
     tolerance : float
         Relative error of the outputs that ends the growth.
-    max_solves : int
-        Most factorisations.
+    least_solves, max_solves : int
+        Fewest and most factorisations.
     rows : np.ndarray, optional
         [D] unknowns whose downward displacement the band gives beside its outputs.
 
@@ -267,7 +267,7 @@ def grow_band(
     # change of the outputs by the last extension, which finds slow long waves. The basis is complete
     # when its last predictions, one of each kind, and all changes were within the tolerance.
     confirmed, changes, previous = 0, np.full(ks.size, np.inf), None
-    while growth.solves < LEAST or confirmed < CONFIRMATIONS or changes.max() > tolerance:
+    while growth.solves < least_solves or confirmed < CONFIRMATIONS or changes.max() > tolerance:
         if growth.solves >= max_solves:
             raise NumericalError(
                 f"the reduced basis for {lower}-{upper} rad/m missed its tolerance {tolerance} "

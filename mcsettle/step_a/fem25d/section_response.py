@@ -110,8 +110,7 @@ class _Model:
     @property
     def basis_digest(self) -> str:
         """Digest of what the bases depend on: not rail, pad, settlement laws, K0 or quadrature."""
-        plain = replace(self.settings, panel=1.0, panel_points=2)
-        description = replace(self, settings=plain).description
+        description = replace(self, settings=self.settings.of_bases).description
         del description["track"]["pad"]
         rail = description["track"]["rail"]
         description["track"]["rail"] = [rail["offset"], rail["foot_width"]]
@@ -176,7 +175,8 @@ def _grow(section: Section, model: _Model, index: int) -> tuple[Band, np.ndarray
     speeds = {rayleigh_speed(layer.material) for layer in track.ground}
     training = training_set(lower, upper, settings.max_omega, settings.max_speed, sorted(speeds))
     rows, heights = centreline(section.basis, section.free, -model.integration_depth)
-    band = grow_band(section, lower, upper, training, settings.tolerance, settings.max_solves, rows)
+    growth = settings.tolerance, settings.least_solves, settings.max_solves
+    band = grow_band(section, lower, upper, training, *growth, rows=rows)
     rng = np.random.Generator(np.random.Philox(key=[HELD_OUT_SEED, index]))
     errors = []
     for i, (at, share) in enumerate(rng.random((settings.held_out, 2)), start=index):

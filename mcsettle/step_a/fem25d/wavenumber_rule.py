@@ -11,10 +11,8 @@ from functools import cached_property
 import numpy as np
 
 FIRST = 0.005  # rad/m, first panel next to k = 0
-RATIO = 0.2  # panel length over its wavenumber, near k = 0
 FAR = 3.0  # rad/m, beyond which panels lengthen again
 FAR_GROWTH = 0.006  # further panel length per wavenumber there
-SMOOTH = 3.3  # length of a piece over which a response is a polynomial, over ξ k
 
 
 @dataclass(frozen=True)
@@ -41,8 +39,10 @@ class Quadrature:
         )
 
 
-def wavenumber_quadrature(k_max: float, panel: float, points: int) -> Quadrature:
-    """Panels graded towards k = 0, no longer than ``panel`` below 3 rad/m [rad/m].
+def wavenumber_quadrature(
+    k_max: float, panel: float, points: int, ratio: float = 0.2
+) -> Quadrature:
+    """Panels of at most ``ratio`` k near k = 0, no longer than ``panel`` below 3 rad/m [rad/m].
 
     A panel of length h integrates e^{-iks} for |s| h / 2 up to about the number of its points.
     Beyond 3 rad/m the integrand is small (the rails' bending filters it) and panels lengthen.
@@ -50,7 +50,7 @@ def wavenumber_quadrature(k_max: float, panel: float, points: int) -> Quadrature
     edges = [0.0, min(FIRST, k_max)]
     while edges[-1] < k_max:
         k = edges[-1]
-        step = min(RATIO * k, panel + FAR_GROWTH * max(0.0, k - FAR))
+        step = min(ratio * k, panel + FAR_GROWTH * max(0.0, k - FAR))
         edges.append(k + step)
     edges[-1] = k_max
     if len(edges) > 2 and edges[-1] - edges[-2] < 0.3 * (edges[-2] - edges[-3]):
@@ -109,10 +109,10 @@ class Support:
         return slice(places[0].start, places[-1].stop), real + 1j * imaginary
 
 
-def smooth_support(quadrature: Quadrature, damping: float) -> Support:
-    """Support of responses of a ground with damping ratio ``damping`` or more.
+def smooth_support(quadrature: Quadrature, damping: float, ratio: float = 3.3) -> Support:
+    """Support of responses of a ground with damping ratio ξ of ``damping`` or more.
 
-    Panels are joined while their length stays below 3.3 ξ k; the response is interpolated in each
+    Panels are joined while their length stays below ``ratio`` ξ k; the response is interpolated in each
     piece through as many Gauss–Legendre points as a panel has.
     """
     edges, n = quadrature.edges, quadrature.points
@@ -126,7 +126,7 @@ def smooth_support(quadrature: Quadrature, damping: float) -> Support:
         last = first + 1
         while (
             last < edges.size - 1
-            and edges[last + 1] - edges[first] <= SMOOTH * damping * edges[first]
+            and edges[last + 1] - edges[first] <= ratio * damping * edges[first]
         ):
             last += 1
         rule = slice(first * n, last * n)
