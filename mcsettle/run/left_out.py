@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from multiprocessing import parent_process
 
 import numpy as np
 
@@ -63,6 +64,15 @@ def days_of(scenes: Sequence[Scene], transfers: Transfers) -> Days:
     """Days to the limit in every scene that has ``transfers``."""
     pairs = {(scene.variant, scene.scenario): scene for scene in scenes}
     return {pair: intervals_of(pairs[pair], transfers) for pair in pairs if pair in transfers}
+
+
+def days_anywhere(scenes: Sequence[Scene], transfers: Transfers) -> Days:
+    """``days_of`` in whatever process, a spawned one on one core."""
+    if parent_process() is not None:
+        from mcsettle.kernels import runtime
+
+        runtime.start(1)
+    return days_of(scenes, transfers)
 
 
 def intervals_of(scene: Scene, transfers: Transfers, tracks: range = TRACKS) -> np.ndarray:

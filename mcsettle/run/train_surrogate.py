@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from mcsettle.run.code_digest import code_digest
-from mcsettle.run.left_out import LeftOut, days_of, errors_per_deviation, left_out, quantiles
+from mcsettle.run.left_out import errors_per_deviation, quantiles
+from mcsettle.run.sets_left_out import sets_left_out
 from mcsettle.run.surrogate import (
     Expected,
     GroundPredictor,
-    Label,
     Training,
     list_passages,
 )
@@ -29,7 +29,6 @@ from mcsettle.run.surrogate_fit import (
     families_of,
     fits_of,
     surrogates_of,
-    weights_left_out,
 )
 from mcsettle.run.training_grounds import (
     computed_on,
@@ -41,7 +40,6 @@ from mcsettle.step_a.fem25d.cache import digest_of, read_arrays, write_arrays
 from mcsettle.step_a.kriging import conditioned, isotropic, most_telling
 from mcsettle.step_a.processes import Together, together
 from mcsettle.step_a.surrogate import Surrogate, inputs_of
-from mcsettle.step_a.transfer import TransferFunctions
 from mcsettle.step_a.transfers import TransferStore
 from mcsettle.storage.files import cache_folder
 from mcsettle.study.candidates import Candidates
@@ -95,7 +93,7 @@ def _trained(
         return None
     while True:
         groups = surrogates_of(state)
-        predictor, worst = _assessed(state, groups, tolerance)
+        predictor, worst = _assessed(state, groups, tolerance, processes)
         # A set beyond the tolerance takes less to learn from than to compute at every speed.
         n = max(STEP, len(state.chosen) // 4)
         further = worst[:n] if worst else _most_telling(state, groups, n)
@@ -220,14 +218,14 @@ def _compute(
 
 
 def _assessed(
-    state: Learning, groups: Sequence[Learned], tolerance: Expected
+    state: Learning, groups: Sequence[Learned], tolerance: Expected, processes: Together
 ) -> tuple[GroundPredictor, list[int]]:
     """Predictor from what is computed, with errors where each set is left out.
 
     Once most are within the tolerance, also the sets that are beyond, worst first.
     """
     surrogates = [pair for group in groups for pair in group]
-    errors = [_left_out(state, surrogates, position) for position in range(len(state.chosen))]
+    errors = sets_left_out(state, surrogates, processes)
     shares = _shares(state.places, state.chosen)
     per_deviation = Expected(*errors_per_deviation(errors, shares))
     deviations = np.max([s.deviations(family.points) for family, s in surrogates], axis=0)
@@ -267,39 +265,6 @@ def _predictor(
         tolerance,
         training,
     )
-
-
-def _left_out(
-    state: Learning, surrogates: Sequence[tuple[Family, Surrogate]], position: int
-) -> LeftOut:
-    """Errors of a training set that is predicted from the others."""
-    candidate = state.chosen[position]
-    transfers: list[dict[Label, TransferFunctions]] = [{}, {}]
-    deviation = 0.0
-    for family, surrogate in surrogates:
-        weights, sds = weights_left_out(state, family, surrogate, position)
-        deviation = max(deviation, float(np.linalg.norm(sds)))
-        passage = state.passages[candidate][family.place]
-        for of_label, of_levels in zip(transfers, weights, strict=True):
-            if of_label is transfers[0] and candidate in state.days:
-                continue
-            transfer = surrogate.combined(
-                of_levels, passage.scene, passage.service, passage.ground.track, ""
-            )
-            of_label |= dict.fromkeys(family.labels, transfer)
-    scenes = state.scenes[candidate]
-    exact, predicted = (days_of(scenes, _by_scene(of_label)) for of_label in transfers)
-    return left_out(state.days.setdefault(candidate, exact), predicted, deviation, state.baseline)
-
-
-def _by_scene(
-    transfers: dict[Label, TransferFunctions],
-) -> dict[tuple[str, str], tuple[TransferFunctions, ...]]:
-    """Transfer functions of each scene, in the order of its timetable."""
-    scenes: dict[tuple[str, str], tuple[TransferFunctions, ...]] = {}
-    for (variant, scenario, _), transfer in sorted(transfers.items(), key=lambda item: item[0]):
-        scenes[variant, scenario] = (*scenes.get((variant, scenario), ()), transfer)
-    return scenes
 
 
 def _shares(places: np.ndarray, chosen: list[int]) -> np.ndarray:

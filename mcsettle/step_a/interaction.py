@@ -201,7 +201,7 @@ def _swept(
         if spectra.wavenumbers is not waves:
             waves, phases = spectra.wavenumbers, axle_phases(spectra.wavenumbers, positions)
         if step == 0:
-            stress, rail = _under_axles(spectra, phases, wheels * train.axle_forces.astype(complex))
+            stress, rail = _under_axles(spectra, phases, wheels * train.axle_forces)
             quasi_static[:], deflection[:] = stress.real, rail.real
         else:
             mode = step - 1
@@ -218,7 +218,7 @@ def _swept(
 
 
 def _under_axles(
-    spectra: Spectra, phases: ComplexArray, forces: ComplexArray
+    spectra: Spectra, phases: ComplexArray, forces: Array | ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Stress [J, 4, Z] Pa and rail displacement [J] m under each axle, all forces [J] acting."""
     load = (forces @ phases.conj()) * spectra.weights / (2.0 * np.pi)

@@ -149,12 +149,24 @@ def test_an_axle_load_that_only_scales_is_no_input(study, store):
 
 def test_another_process_learns_the_same(study, store, monkeypatch):
     monkeypatch.setattr(transfer_cache, "precompute", None)  # all of it lies in the cache folder
-    monkeypatch.setattr(train_surrogate, "left_out", None)
+    monkeypatch.setattr(train_surrogate, "sets_left_out", None)
     again = transfer_store(study)
     assert set_predictor(candidates_of(study), again) == store.predictor.training
     for member in all_sets(study):
         scenes = member.study.scenes
         assert again.predictor.expected(scenes) == store.predictor.expected(scenes)
+
+
+@pytest.mark.slow
+def test_two_processes_learn_the_same_as_one(monkeypatch, tmp_path):
+    few = with_surrogate(SPRING, tolerance_points=50.0, tolerance_percent=50.0)
+    learnt = []
+    for processes in (1, 2):
+        monkeypatch.setenv("MCSETTLE_CACHE", str(tmp_path / str(processes)))
+        store = transfer_store(few)
+        training = set_predictor(candidates_of(few), store, processes)
+        learnt.append((training, store.predictor.per_deviation))
+    assert learnt[0] == learnt[1]
 
 
 def test_more_sets_leave_the_earlier_ones_as_they_are(study, store):

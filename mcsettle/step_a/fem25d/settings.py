@@ -75,9 +75,10 @@ class Settings:
 def many_grounds_settings(max_speed: float, max_omega: float, softens: bool) -> Settings:
     """Settings for one ground of many, each of them alike and none looked at alone.
 
-    Four wide bands of five solutions or more, eight points on panels and pieces more than twice as long as
-    usual, and a mesh that grows faster away from the track, much faster on soil that does not soften. What
-    that does to stresses, days and effects, ``studies/many_grounds.py`` measures (docs/verification.md).
+    Four wide bands of five solutions or more, eight points on panels and pieces more than twice as long
+    as usual, and a mesh that grows faster away from the track, much faster on soil that does not soften.
+    What that does to stresses, days and effects, ``studies/many_grounds.py`` measures
+    (docs/verification.md).
     The tolerance is the usual one: near the critical speed twice as much moves effects by half a
     percentage point, by chance, from ground to ground.
     """
