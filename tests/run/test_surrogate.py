@@ -13,12 +13,14 @@ from mcsettle.run import training_grounds as train_grounds
 from mcsettle.run.close import gather
 from mcsettle.run.options import RunOptions
 from mcsettle.run.pipeline import run_study
+from mcsettle.run.sets_left_out import sets_left_out
 from mcsettle.run.shards import parse_slice
 from mcsettle.run.surrogate import ERROR, list_passages, with_errors
 from mcsettle.run.surrogate_fit import surrogates_of
 from mcsettle.run.train_surrogate import set_predictor
 from mcsettle.run.training_grounds import computed_on, learnt_on, training_grounds
 from mcsettle.step_a import transfer_cache
+from mcsettle.step_a.processes import together
 from mcsettle.step_a.surrogate import stacked
 from mcsettle.step_a.transfers import needs, step_a, transfer_on
 from mcsettle.storage.location import place
@@ -158,15 +160,26 @@ def test_another_process_learns_the_same(study, store, monkeypatch):
 
 
 @pytest.mark.slow
-def test_two_processes_learn_the_same_as_one(monkeypatch, tmp_path):
+def test_two_processes_find_the_same_errors_as_one(monkeypatch):
+    given = []
+
+    def noted(state, surrogates, processes):
+        errors = sets_left_out(state, surrogates, processes)
+        given.append((replace(state, days={}), surrogates, errors))
+        return errors
+
+    monkeypatch.setattr(train_surrogate, "sets_left_out", noted)
+    monkeypatch.setattr(train_surrogate, "read_arrays", lambda *_: None)
     few = with_surrogate(SPRING, tolerance_points=50.0, tolerance_percent=50.0)
-    learnt = []
-    for processes in (1, 2):
-        monkeypatch.setenv("MCSETTLE_CACHE", str(tmp_path / str(processes)))
-        store = transfer_store(few)
-        training = set_predictor(candidates_of(few), store, processes)
-        learnt.append((training, store.predictor.per_deviation))
-    assert learnt[0] == learnt[1]
+    set_predictor(candidates_of(few), transfer_store(few))
+    state, surrogates, errors = given[-1]
+    with together(2) as two:
+        again = sets_left_out(state, surrogates, two)
+    assert len(errors) == len(state.chosen) == len(state.days) > 2
+    for one, other in zip(errors, again, strict=True):
+        assert np.array_equal(one.days, other.days)
+        assert np.array_equal(one.points, other.points)
+        assert one.deviation == other.deviation
 
 
 def test_more_sets_leave_the_earlier_ones_as_they_are(study, store):
