@@ -12,6 +12,7 @@ functions that are all Step B knows; ``save`` and ``load`` keep them on disk.
 
 import hashlib
 import json
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,8 @@ __all__ = [
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+SAME = 9  # decimals [m] to which equal distances agree
+FEW_DISTANCES = 10  # distances for each axle, below which each is taken once
 HERTZ_STIFFNESS = 2 * 1.36e9  # N/m per wheelset: two crossed-cylinder contacts under 85 kN each
 
 
@@ -78,16 +81,36 @@ def track_compliance_matrix(spectra: Spectra, positions: Array) -> ComplexArray:
     return compliance_between(spectra, axle_phases(spectra.wavenumbers, positions))
 
 
-def axle_phases(wavenumbers: Array, positions: Array) -> ComplexArray:
-    """e^{-ik a_j}, shape [J, Q]: the same at every driving frequency."""
-    phases: ComplexArray = np.exp(-1j * np.outer(positions, wavenumbers))
-    return phases
+@dataclass(frozen=True, eq=False)
+class AxlePhases:
+    """Phases of the axles, the same at every driving frequency.
+
+    ``axles`` [J, Q]: e^{-ik a_j}; ``distances`` [U, Q]: e^{-iks} of the distances s between axles, equal
+    ones once, or None where nearly all are different; ``pair`` [J, J]: which of them is a_j - a_l.
+    """
+
+    axles: ComplexArray
+    distances: ComplexArray | None
+    pair: NDArray[np.intp]
 
 
-def compliance_between(spectra: Spectra, phases: ComplexArray) -> ComplexArray:
-    """T_c [J, J] m/N of ``track_compliance_matrix`` from ``axle_phases`` [J, Q]."""
-    scaled = phases * (spectra.weights * spectra.receptance / (2.0 * np.pi))
-    return np.asarray(scaled @ phases.conj().T, dtype=complex)
+def axle_phases(wavenumbers: Array, positions: Array) -> AxlePhases:
+    """Phases at ``wavenumbers`` [Q] rad/m of axles at ``positions`` [J] m."""
+    apart = (positions[:, None] - positions).ravel()
+    _, first, pair = np.unique(np.round(apart, SAME), return_index=True, return_inverse=True)
+    axles = np.exp(-1j * np.outer(positions, wavenumbers))
+    distances = None
+    if first.size <= FEW_DISTANCES * positions.size:  # equal cars: 5 times as many as axles
+        distances = np.exp(-1j * np.outer(apart[first], wavenumbers))
+    return AxlePhases(axles, distances, pair.reshape(positions.size, positions.size))
+
+
+def compliance_between(spectra: Spectra, phases: AxlePhases) -> ComplexArray:
+    """T_c [J, J] m/N of ``track_compliance_matrix`` from ``axle_phases``."""
+    scaled = spectra.weights * spectra.receptance / (2.0 * np.pi)
+    if phases.distances is None:
+        return np.asarray((phases.axles * scaled) @ phases.axles.conj().T, dtype=complex)
+    return np.asarray((phases.distances @ scaled)[phases.pair], dtype=complex)
 
 
 def dynamic_forces(
@@ -193,7 +216,7 @@ def _swept(
     quasi_static, deflection = np.empty((size, 4, depths)), np.empty(size)
     dynamic = np.empty((size, modes, 4, depths), dtype=complex)
     force, compliance = np.empty((size, modes), dtype=complex), np.empty(modes, dtype=complex)
-    waves, phases = np.empty(0), np.empty((size, 0), dtype=complex)
+    waves, phases = np.empty(0), axle_phases(np.empty(0), positions)
     omegas = np.concatenate([[0.0], kappa * speed])
     wheels = 2.0 if whole else 1.0  # whose load one rail carries
     stage = f"Step A: {train.name} at {speed / KMH:.0f} km/h"
@@ -201,7 +224,7 @@ def _swept(
         if spectra.wavenumbers is not waves:
             waves, phases = spectra.wavenumbers, axle_phases(spectra.wavenumbers, positions)
         if step == 0:
-            stress, rail = _under_axles(spectra, phases, wheels * train.axle_forces)
+            stress, rail = _under_axles(spectra, phases.axles, wheels * train.axle_forces)
             quasi_static[:], deflection[:] = stress.real, rail.real
         else:
             mode = step - 1
@@ -209,7 +232,7 @@ def _swept(
             track = wheels * compliance_between(spectra, phases)
             vehicle = train_compliance(train, float(omegas[step]))
             forces = dynamic_forces(vehicle, track, excitation, hertz_stiffness)
-            stress, _ = _under_axles(spectra, phases, wheels * forces)
+            stress, _ = _under_axles(spectra, phases.axles, wheels * forces)
             dynamic[:, mode] = stress * excitation.conj()[:, None, None]
             force[:, mode] = forces * excitation.conj()
             compliance[mode] = track[0, 0]
@@ -218,11 +241,11 @@ def _swept(
 
 
 def _under_axles(
-    spectra: Spectra, phases: ComplexArray, forces: Array | ComplexArray
+    spectra: Spectra, axles: ComplexArray, forces: Array | ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
     """Stress [J, 4, Z] Pa and rail displacement [J] m under each axle, all forces [J] acting."""
-    load = (forces @ phases.conj()) * spectra.weights / (2.0 * np.pi)
-    scaled = phases * load
+    load = (forces @ axles.conj()) * spectra.weights / (2.0 * np.pi)
+    scaled = axles * load
     return spectra.stress_under(scaled), scaled @ spectra.receptance
 
 

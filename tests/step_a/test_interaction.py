@@ -12,6 +12,7 @@ from mcsettle.railway.vehicle import FREIGHT, PASSENGER, vehicle_compliance
 from mcsettle.step_a.beam import beam_response
 from mcsettle.step_a.interaction import (
     HERTZ_STIFFNESS,
+    axle_phases,
     dynamic_forces,
     load,
     precompute,
@@ -57,6 +58,21 @@ def test_track_compliance_is_reciprocal_with_the_direction_of_travel(response):
     slow = track_compliance_matrix(next(response.spectra(1e-9, np.array([60.0]))), positions)
     # a load that stands still sees a symmetric track
     np.testing.assert_allclose(slow, slow.T, atol=1e-12 * abs(slow[0, 0]))
+
+
+@pytest.mark.parametrize("uneven", [0.0, 1e-3])
+def test_equal_distances_between_axles_are_taken_once(response, uneven):
+    """T_jl depends on a_j - a_l alone: few distances between equal cars, all between uneven axles."""
+    positions = np.concatenate([-20.0 * np.arange(12.0), -20.0 * np.arange(12.0) - 2.5])
+    positions = positions + uneven * np.arange(24.0) ** 2
+    spectra = next(response.spectra(SPEED, np.array([60.0])))
+    phases = axle_phases(spectra.wavenumbers, positions)
+    assert (phases.distances is None) == (uneven > 0.0)
+    assert uneven > 0.0 or len(phases.distances) == 69  # 20 n and 20 n ± 2.5 m, |n| < 12
+    plain = np.exp(-1j * np.outer(positions, spectra.wavenumbers))
+    exact = (plain * spectra.weights * spectra.receptance) @ plain.conj().T / (2.0 * np.pi)
+    found = track_compliance_matrix(spectra, positions)
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-12 * abs(exact[0, 0]))
 
 
 def test_forces_meet_the_contact_condition(response):

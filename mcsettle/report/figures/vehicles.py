@@ -83,7 +83,7 @@ def vehicle_peaks(
     positions = next(iter(trains.values())).axle_positions
     k, s, keep = _places(float(positions[-1]))
     phases = axle_phases(k, positions)
-    backwards = phases.conj()
+    backwards = phases.axles.conj()
     fields = {model: np.empty((wavenumbers.size, s.size), dtype=complex) for model in models}
     for mode, kappa in enumerate(wavenumbers.tolist()):
         omega = kappa * speed
